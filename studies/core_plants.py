@@ -22,8 +22,8 @@ import rdpi_gym.plant
 from rdpi_gym.identification.cores import CoreFit, fit_core
 from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Quantities, Quantity, load
+from rdpi_gym.measurement.loading import DATA_HINT, measured_data
 from rdpi_gym.measurement.options import DataOptions
-from rdpi_gym.measurement.published import DATA_HINT, measured_data
 from rdpi_gym.plant import CORES, Plant, PlantModel
 from rdpi_gym.plant.cores.lugre import LuGre
 from rdpi_gym.support.arrays import Array

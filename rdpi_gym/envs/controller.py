@@ -1,14 +1,17 @@
-"""What a controller is, for the environment, the benchmark and Stable-Baselines3 alike."""
+"""Controllers: their protocol, and the baseline whose command actions correct."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.plugins import provided
 
 GROUP = "rdpi_gym.controllers"
@@ -92,3 +95,73 @@ def warning_of(controller: Controller) -> str | None:
     say = getattr(controller, "warning", None)
     said: str | None = None if say is None else say()
     return said
+
+
+class Correction:
+    """The command that a baseline would give, sample by sample."""
+
+    def __init__(self, name: str, belief: PlantModel, layout: ObservationLayout) -> None:
+        self._layout = replace(layout, action="command")
+        self._controller = make_named_controller(name, belief, self._layout)
+        self._state: Any = None
+        self._start = True
+        self.command_V = 0.0
+
+    def reset(self, reference_um: Array, observation: NDArray[np.float32]) -> None:
+        """Begin an episode with the references ``(K, 1)`` (µm) that are known before it."""
+        plan = getattr(self._controller, "plan", None)
+        if plan is not None:
+            plan(reference_um)
+        self._state, self._start = None, True
+        self.observe(observation)
+
+    def observe(self, observation: NDArray[np.float32]) -> None:
+        """Take the observation ``(1, D)`` of this sample and find the command for the next one."""
+        action, self._state = self._controller.predict(
+            observation,
+            state=self._state,
+            episode_start=np.array([self._start]),
+            deterministic=True,
+        )
+        self._start = False
+        self.command_V = float(self._layout.place_to_V(np.asarray(action, dtype=float)).item())
+
+
+class VectorCorrection:
+    """The commands that a baseline would give in every lane, sample by sample.
+
+    One baseline serves all lanes in one call. One that plans ahead keeps a plan for all of its
+    episodes, which begin at different times here: so each lane has a baseline of its own.
+    """
+
+    def __init__(
+        self, name: str, belief: PlantModel, layout: ObservationLayout, lanes: int
+    ) -> None:
+        self._layout = replace(layout, action="command")
+        self._controller = make_named_controller(name, belief, self._layout)
+        self.plans = hasattr(self._controller, "plan")
+        self._each = [Correction(name, belief, layout) for _ in range(lanes)] if self.plans else []
+        self._state: Any = None
+        self.commands_V: Array = np.zeros(lanes)
+
+    def plan(
+        self, indices: NDArray[np.int64], references_um: Array, observation: NDArray[np.float32]
+    ) -> None:
+        """Begin episodes of a baseline that plans, over the samples ``(B, K)`` (µm) of all lanes."""
+        for j, lane in enumerate(indices.tolist()):
+            self._each[lane].reset(references_um[lane][:, None], observation[j : j + 1])
+            self.commands_V[lane] = self._each[lane].command_V
+
+    def observe(self, observation: NDArray[np.float32], begins: NDArray[np.bool_]) -> None:
+        """Take the observations ``(B, D)`` of this sample and find the commands for the next one."""
+        if self.plans:
+            for lane in np.flatnonzero(~begins).tolist():
+                self._each[lane].observe(observation[lane : lane + 1])
+                self.commands_V[lane] = self._each[lane].command_V
+            return
+        state = None if begins.all() else self._state
+        action, self._state = self._controller.predict(
+            observation, state=state, episode_start=begins, deterministic=True
+        )
+        places = np.asarray(action, dtype=np.float64)[:, 0]
+        self.commands_V[:] = self._layout.place_to_V(places)

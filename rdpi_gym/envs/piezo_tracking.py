@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from rdpi_gym.envs.correction import Correction
+from rdpi_gym.envs.controller import Correction
 from rdpi_gym.envs.layout import DEFAULT_FIELDS, ActionMode, ObservationLayout
 from rdpi_gym.envs.references import (
     FrequencyChoice,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,16 +48,6 @@ class Memory:
     by_reference: Array
 
 
-class Twin(Protocol):
-    """The same thing in Python: what the code is held against."""
-
-    def controller(self, reference_um: Array, measured_um: Array) -> Array:
-        """Return commands (V), float64[T, B], from rest."""
-
-    def plant(self, command_V: Array) -> Array:
-        """Return displacements (µm), float64[T, B], of commands (V) of that shape, from rest."""
-
-
 @dataclass(frozen=True)
 class Program:
     """One sample of a controller or of a plant as C, for one lane.
@@ -95,6 +85,9 @@ class Program:
         C text of the body.
     mathematics
         Functions of ``<math.h>`` that are called, by the name of their macro ("EXP").
+    twin
+        The same in Python, from rest: commands (V) of references and measurements (µm), or displacements
+        (µm) of commands, float64[T, B].
     begin
         C text of the body of ``void begin(p, m, reference_um)``, which sets the memory where that is
         not affine in the first reference; empty: it is, and `memory` says all.
@@ -116,7 +109,7 @@ class Program:
     functions: str
     step: str
     mathematics: frozenset[str]
-    twin: Twin
+    twin: Callable[..., Array]
     begin: str = ""
     exact: bool = True
     inexact_because: str = ""

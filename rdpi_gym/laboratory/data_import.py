@@ -1,4 +1,4 @@
-"""Data files of a session: taken in under a safe name, read, and what is said of them beside them."""
+"""Import of data files into a session: safe names, reading, settings, and previews."""
 
 from __future__ import annotations
 
@@ -15,16 +15,20 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym import face
-from rdpi_gym.measurement.binary import reading
-from rdpi_gym.measurement.encoding import read_head, read_lines
-from rdpi_gym.measurement.layout import SEPARATORS, is_number, split_cells
+from rdpi_gym.measurement.binary import reading, stacked_tags
 from rdpi_gym.measurement.loading import TEXTS
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import UNITS
 from rdpi_gym.measurement.settings import LARGEST, parse_settings
-from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.measurement.table import REQUIRED, header_unit
-from rdpi_gym.measurement.text import find_rows
+from rdpi_gym.measurement.text import (
+    SEPARATORS,
+    find_rows,
+    is_number,
+    read_head,
+    read_lines,
+    split_cells,
+)
 from rdpi_gym.measurement.units import plain_unit, split_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import exists, open_regular, write_atomic
@@ -43,7 +47,7 @@ _LINE, _COLUMN = re.compile(r"\bline (\d+)"), re.compile(r"\bcolumn (\w+)")
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with a file: one line, and the place that it names."""
+    """Fault of a file: one line, and the place that it names."""
 
     line: str
     row: int | None
@@ -52,7 +56,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Read:
-    """What the files of a session hold.
+    """Records and faults of the files of a session.
 
     Parameters
     ----------
@@ -457,7 +461,7 @@ def _units(
 
 
 def _has(columns: Sequence[Column], other: Path, separator: str, matlab: MatlabReader) -> bool:
-    """Whether another file offers the same columns."""
+    """Return whether another file has the same columns."""
     try:
         return _head(other, separator, matlab).columns == columns
     except InputError:

@@ -1,9 +1,8 @@
 """Measurements: read, check and split records of voltage and displacement."""
 
 from rdpi_gym.measurement.checking import MIN_SAMPLES
-from rdpi_gym.measurement.loading import load
+from rdpi_gym.measurement.loading import DATA_HINT, load, measured_data
 from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
-from rdpi_gym.measurement.published import DATA_HINT, measured_data
 from rdpi_gym.measurement.quantities import Quantities, Quantity, stated_quantities
 from rdpi_gym.measurement.record import (
     LARGEST,

@@ -7,11 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.measurement.missing import bridge, filled_times, unknown_times
 from rdpi_gym.measurement.options import OTHER, unit_factor
 from rdpi_gym.measurement.quantities import Quantities
 from rdpi_gym.measurement.record import LARGEST, BoolArray, Record, out_of_range
-from rdpi_gym.measurement.sampling import JITTER, rounding, to_uniform, with_lost
+from rdpi_gym.measurement.sampling import (
+    JITTER,
+    bridge,
+    filled_times,
+    rounding,
+    to_uniform,
+    unknown_times,
+    with_lost,
+)
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError

@@ -1,21 +1,21 @@
-"""DATA: a file is one record, a folder of files a data set."""
+"""Loading of DATA: a file is one record, a folder of files a data set; published measurements."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
 
-from rdpi_gym.measurement.binary import read_matlab, read_npz
+from rdpi_gym.measurement.binary import read_matlab, read_npz, read_stacked, stacked_tags
 from rdpi_gym.measurement.checking import make_record, mask_out
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import OTHER, UNITS, DataOptions
 from rdpi_gym.measurement.quantities import Quantities, quantities_of
 from rdpi_gym.measurement.record import Dataset, Record, Role
 from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
-from rdpi_gym.measurement.stacked import read_stacked, stacked_tags
 from rdpi_gym.measurement.table import Table
 from rdpi_gym.measurement.text import read_text
 from rdpi_gym.measurement.units import plain_unit
@@ -297,3 +297,37 @@ def _roles(
     if changed := [name for name in said if said[name] != roles[name]]:
         remarks.append(f"--validate {pattern!r} overrides {SETTINGS_FILE} for {', '.join(changed)}")
     return roles
+
+
+DATA_HINT = (
+    "The measured data are published: PICMA in the GitHub repository yan9a/DiscreteBacklashOperator "
+    "(Y. N. Aye, W. T. Ang, 2018), FSM in merijnfloren/fsm-benchmark-data and at "
+    "nonlinearbenchmark.org, the friction damper in ARTS-Laboratory/"
+    "Dataset-Friction-Damper-with-Backlash; put a copy into a folder with subfolders picma, fsm and "
+    "friction_damper and let the environment variable RDPI_DATA name it"
+)
+"""One sentence that tells a user where the data come from and how to point the tools at them."""
+
+
+def measured_data(name: str) -> Path | None:
+    """Find the folder of a published measurement.
+
+    Parameters
+    ----------
+    name
+        ``picma``, ``fsm`` or ``friction_damper``.
+
+    Returns
+    -------
+    Path or None
+        The folder of that name below the one that the environment variable ``RDPI_DATA`` names;
+        None where it is absent (say `DATA_HINT`).
+
+    Examples
+    --------
+    >>> measured_data("no such measurement") is None
+    True
+    """
+    data = os.environ.get("RDPI_DATA")
+    folder = Path(data) / name if data else None
+    return folder if folder is not None and folder.is_dir() else None

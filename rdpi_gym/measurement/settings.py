@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.measurement.encoding import read_lines
-from rdpi_gym.measurement.layout import SEPARATORS
 from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
 from rdpi_gym.measurement.quantities import SIDES
 from rdpi_gym.measurement.record import ROLES, Role
+from rdpi_gym.measurement.text import SEPARATORS, read_lines
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import quoted
 
@@ -47,7 +46,7 @@ class RecordSettings:
     columns, units
         Of its file, where they differ from those of the folder.
     separator
-        Between the values of its file, one of `rdpi_gym.measurement.layout.SEPARATORS`; by default it
+        Between the values of its file, one of `rdpi_gym.measurement.text.SEPARATORS`; by default it
         is found.
     """
 

@@ -1,7 +1,8 @@
-"""What every signal is: a displacement in µm at any time in s, with its exact derivative."""
+"""Base of every signal: displacement (µm) at any time (s), exact derivative, checks of fields."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Self
@@ -9,10 +10,61 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.signals.checks import set_number
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError
+
+
+def refuse(signal: Any, field: str, wanted: str) -> InputError:
+    """Return the error for a field of `signal` that is not as `wanted` says."""
+    return InputError(f"{signal.name}: {field} is {shown(getattr(signal, field))}; give {wanted}")
+
+
+def set_number(
+    signal: Any,
+    field: str,
+    *,
+    above: float = -math.inf,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+) -> None:
+    """Store a field as a float after checking that it is finite and within its bounds."""
+    value = getattr(signal, field)
+    if not (is_finite(value) and value > above and minimum <= value <= maximum):
+        bounds = [
+            f"{word} {bound:g}"
+            for word, bound in (("above", above), ("at least", minimum), ("at most", maximum))
+            if math.isfinite(bound)
+        ]
+        raise refuse(signal, field, " ".join(["a finite number", " and ".join(bounds)]).strip())
+    object.__setattr__(signal, field, float(value))
+
+
+def set_positive(signal: Any, *fields: str) -> None:
+    """Store fields as floats after checking that they are finite and above zero."""
+    for field in fields:
+        set_number(signal, field, above=0.0)
+
+
+def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = None) -> None:
+    """Store a field as an int after checking that it is a whole number within its bounds."""
+    value = getattr(signal, field)
+    if not is_whole(value, minimum) or (maximum is not None and value > maximum):
+        limit = "" if maximum is None else f" and at most {maximum}"
+        raise refuse(signal, field, f"a whole number of at least {minimum}{limit}")
+    object.__setattr__(signal, field, int(value))
+
+
+def set_numbers(signal: Any, field: str, *, count: int) -> None:
+    """Store a field as a tuple of floats after checking that there are `count` of them or more."""
+    try:
+        values = np.asarray(getattr(signal, field), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        values = np.empty(0)
+    if values.ndim != 1 or values.size < count or not np.isfinite(values).all():
+        raise refuse(signal, field, f"a flat list of at least {count} finite numbers")
+    object.__setattr__(signal, field, tuple(values.tolist()))
+
 
 # A sample that falls on a jump or a corner up to rounding belongs to what comes after it, so that
 # k * 1e-3 and 10 k * 1e-4 see the same value. In units of one cycle, hold or grid interval.

@@ -1,4 +1,4 @@
-"""Sums of sines with random phases: multisine, band-limited noise."""
+"""Broadband signals: multisine, band-limited noise, chirp, decaying sine, random processes."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from rdpi_gym.signals.base import Signal
-from rdpi_gym.signals.checks import refuse, set_integer, set_number, set_positive
+from rdpi_gym.signals.base import ROUNDING, Signal, refuse, set_integer, set_number, set_positive
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -187,3 +186,205 @@ class BandLimitedNoise(LineSpectrum):
         low = math.ceil(self.low_hz * self.repeat_s * (1.0 - 1e-12))
         high = math.floor(self.high_hz * self.repeat_s * (1.0 + 1e-12))
         return range(max(low, 1), high + 1)
+
+
+MOST_INCREMENTS = 10_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomWalk(Signal):
+    """Independent increments on a grid, linear in between, reflected at -1 and 1; from 0 at t = 0.
+
+    It is drawn for `duration_s`, after which it is retraced backwards, then forwards again, and so
+    on: any time has its value, and a longer duration goes on from a shorter one.
+
+    Parameters
+    ----------
+    seed
+        Seed of the increments, 0 or more.
+    interval_s
+        Time from one increment to the next (s).
+    spread_s
+        Time in which the standard deviation grows to the amplitude where nothing reflects (s).
+    duration_s
+        Time that is drawn (s), at least `interval_s`.
+    """
+
+    seed: int = 0
+    interval_s: float = 0.01
+    spread_s: float = 1.0
+    duration_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_integer(self, "seed", minimum=0)
+        set_positive(self, "interval_s", "spread_s", "duration_s")
+        if not 1 <= self._increments <= MOST_INCREMENTS:
+            raise InputError(
+                f"{self.name}: duration_s = {self.duration_s:g} holds {float(self._increments):g} intervals "
+                f"of interval_s = {self.interval_s:g}; choose them for 1 to {MOST_INCREMENTS}"
+            )
+
+    @property
+    def period_s(self) -> float:
+        """Time forwards and backwards (s)."""
+        return 2.0 * self._increments * self.interval_s
+
+    @property
+    def _increments(self) -> int:
+        return math.floor(self.duration_s / self.interval_s + ROUNDING)
+
+    @abstractmethod
+    def _draw(self, rng: np.random.Generator, count: int) -> Array:
+        """Return `count` increments of unit variance."""
+
+    @cached_property
+    def _knots(self) -> Array:
+        """The walk on its grid: the free walk, folded into -1 to 1."""
+        increments = self._draw(np.random.default_rng(self.seed), self._increments)
+        free = np.cumsum(np.append(0.0, increments)) * math.sqrt(self.interval_s / self.spread_s)
+        folded: Array = np.abs(np.mod(free - 1.0, 4.0) - 2.0) - 1.0
+        return folded
+
+    def _shape(self, t: Array) -> Array:
+        position, _, index = self._place(t)
+        knots = self._knots
+        return knots[index] + (position - index) * (knots[index + 1] - knots[index])
+
+    def _shape_rate(self, t: Array) -> Array:
+        _, direction, index = self._place(t)
+        knots = self._knots
+        return direction / self.interval_s * (knots[index + 1] - knots[index])
+
+    def _place(self, t: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return the place on the grid, the direction (1 or -1), and the knot to the left."""
+        count = self._increments
+        cycle: Array = np.mod(t / self.interval_s + ROUNDING, 2 * count)
+        direction = np.where(cycle < count, 1.0, -1.0)
+        rounded = np.where(cycle < count, cycle, 2 * count - cycle)
+        index = np.minimum(np.floor(rounded), count - 1).astype(np.intp)
+        return rounded - direction * ROUNDING, direction, index
+
+
+@dataclass(frozen=True, kw_only=True)
+class WienerProcess(RandomWalk):
+    """A random walk with normally distributed increments.
+
+    Examples
+    --------
+    >>> walk = WienerProcess(amplitude_um=20.0, interval_s=1e-3, spread_s=0.5, seed=4)
+    >>> bool((abs(walk([1.0, 5.0, 20.0])) <= 20.0).all())
+    True
+    """
+
+    name: ClassVar[str] = "wiener"
+
+    def _draw(self, rng: np.random.Generator, count: int) -> Array:
+        return rng.standard_normal(count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaplaceProcess(RandomWalk):
+    """A random walk with Laplace distributed increments: long calm, now and then a large move.
+
+    Examples
+    --------
+    >>> LaplaceProcess(seed=1) == LaplaceProcess().with_seed(1)
+    True
+    """
+
+    name: ClassVar[str] = "laplace"
+
+    def _draw(self, rng: np.random.Generator, count: int) -> Array:
+        return rng.laplace(scale=math.sqrt(0.5), size=count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chirp(Signal):
+    """A sine whose frequency goes from one to another, where it then stays.
+
+    Parameters
+    ----------
+    start_hz, stop_hz
+        Frequency at t = 0 and from ``duration_s`` on (Hz); up or down.
+    duration_s
+        Time of the sweep (s).
+    sweep
+        ``linear``: equal steps of frequency in equal times; ``logarithmic``: equal ratios.
+
+    Examples
+    --------
+    >>> chirp = Chirp(start_hz=1.0, stop_hz=100.0, duration_s=10.0, sweep="logarithmic")
+    >>> round(float(chirp.instantaneous_hz(5.0)), 6)
+    10.0
+    """
+
+    name: ClassVar[str] = "chirp"
+    start_hz: float = 1.0
+    stop_hz: float = 100.0
+    duration_s: float = 10.0
+    sweep: Literal["linear", "logarithmic"] = "linear"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_positive(self, "start_hz", "stop_hz", "duration_s")
+        if not isinstance(self.sweep, str) or self.sweep not in ("linear", "logarithmic"):
+            raise refuse(self, "sweep", "'linear' or 'logarithmic'")
+
+    def instantaneous_hz(self, t: ArrayLike) -> Array:
+        """Return the frequency (Hz) at times `t` (s), 0 or later."""
+        part = np.minimum(np.asarray(t, dtype=np.float64) / self.duration_s, 1.0)
+        if self.sweep == "linear":
+            return self.start_hz + (self.stop_hz - self.start_hz) * part
+        return self.start_hz * np.exp(part * math.log(self.stop_hz / self.start_hz))
+
+    def _cycles(self, t: Array) -> Array:
+        """Integrate the instantaneous frequency from 0 to `t`."""
+        swept = np.minimum(t, self.duration_s)
+        part = swept / self.duration_s
+        log_ratio = math.log(self.stop_hz / self.start_hz)
+        if self.sweep == "linear" or log_ratio == 0.0:
+            cycles = swept * (self.start_hz + 0.5 * (self.stop_hz - self.start_hz) * part)
+        else:
+            cycles = self.start_hz * self.duration_s * np.expm1(part * log_ratio) / log_ratio
+        return cycles + self.stop_hz * (t - swept)
+
+    def _shape(self, t: Array) -> Array:
+        return np.sin(2.0 * np.pi * self._cycles(t))
+
+    def _shape_rate(self, t: Array) -> Array:
+        return 2.0 * np.pi * self.instantaneous_hz(t) * np.cos(2.0 * np.pi * self._cycles(t))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecayingSine(Signal):
+    """``exp(-t / decay_s) sin(2π frequency_hz t)``: loops that shrink, each inside the last.
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency (Hz).
+    decay_s
+        Time in which the amplitude falls to 37 % (s).
+
+    Examples
+    --------
+    >>> round(float(DecayingSine(frequency_hz=1.0, decay_s=1.0)(0.25)), 4)
+    0.7788
+    """
+
+    name: ClassVar[str] = "decaying-sine"
+    frequency_hz: float = 1.0
+    decay_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_positive(self, "frequency_hz", "decay_s")
+
+    def _shape(self, t: Array) -> Array:
+        return np.exp(-t / self.decay_s) * np.sin(2.0 * np.pi * self.frequency_hz * t)
+
+    def _shape_rate(self, t: Array) -> Array:
+        omega = 2.0 * np.pi * self.frequency_hz
+        turn = omega * np.cos(omega * t) - np.sin(omega * t) / self.decay_s
+        return np.exp(-t / self.decay_s) * turn

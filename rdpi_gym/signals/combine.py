@@ -12,8 +12,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from rdpi_gym.signals.base import ROUNDING, Signal
-from rdpi_gym.signals.checks import refuse, set_numbers
+from rdpi_gym.signals.base import ROUNDING, Signal, refuse, set_numbers
 from rdpi_gym.signals.steps import Constant
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError

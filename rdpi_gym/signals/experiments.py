@@ -12,11 +12,10 @@ from typing import Literal
 import numpy as np
 
 from rdpi_gym.signals.base import Signal
-from rdpi_gym.signals.broadband import BandLimitedNoise, Multisine
+from rdpi_gym.signals.broadband import BandLimitedNoise, Chirp, DecayingSine, Multisine
 from rdpi_gym.signals.measured import Measured
 from rdpi_gym.signals.periodic import Sine
 from rdpi_gym.signals.steps import Constant
-from rdpi_gym.signals.sweeps import Chirp, DecayingSine
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 

@@ -12,8 +12,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.signals.base import ROUNDING, Signal
-from rdpi_gym.signals.checks import set_numbers
+from rdpi_gym.signals.base import ROUNDING, Signal, set_numbers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_utf8

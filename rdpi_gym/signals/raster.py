@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.signals.base import Signal
-from rdpi_gym.signals.checks import refuse, set_integer, set_number, set_positive
+from rdpi_gym.signals.base import Signal, refuse, set_integer, set_number, set_positive
 from rdpi_gym.signals.periodic import Periodic, ramps, ramps_rate
 from rdpi_gym.signals.steps import Staircase
 from rdpi_gym.support.arrays import Array

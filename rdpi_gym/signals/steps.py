@@ -9,8 +9,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.signals.base import ROUNDING, Signal, smoothstep, smoothstep_rate
-from rdpi_gym.signals.checks import refuse, set_integer, set_number, set_numbers, set_positive
+from rdpi_gym.signals.base import (
+    ROUNDING,
+    Signal,
+    refuse,
+    set_integer,
+    set_number,
+    set_numbers,
+    set_positive,
+    smoothstep,
+    smoothstep_rate,
+)
 from rdpi_gym.support.arrays import Array
 
 

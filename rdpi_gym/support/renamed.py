@@ -15,6 +15,15 @@ from types import ModuleType
 
 # One line a module: its former name, and the name it has now.
 _TABLE = """
+rdpi_gym.envs.correction rdpi_gym.envs.controller
+rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.changing
+rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment
+rdpi_gym.envs.vector.space rdpi_gym.envs.unit_box
+rdpi_gym.measurement.published rdpi_gym.measurement.loading
+rdpi_gym.signals.checks rdpi_gym.signals.base
+rdpi_gym.signals.loops rdpi_gym.signals.periodic
+rdpi_gym.signals.processes rdpi_gym.signals.broadband
+rdpi_gym.signals.sweeps rdpi_gym.signals.broadband
 """
 
 

@@ -124,7 +124,8 @@ class Lanes:
         """Return the lanes that are active and have not left."""
         found = self.active
         for off in self.off.values():
-            found = self.without(found, off)
+            if off is not False:
+                found = self.without(found, off)
         return found
 
     def without(self, mask: Mask, off: Mask) -> Mask:

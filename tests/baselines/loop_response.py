@@ -1,4 +1,4 @@
-"""What a closed loop does at each frequency, measured by a multisine that it tracks."""
+"""Frequency response of a closed loop, measured by a multisine that it tracks."""
 
 from __future__ import annotations
 
@@ -19,15 +19,7 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True)
 class LoopResponse:
-    """Ratios over the reference, line by line.
-
-    Parameters
-    ----------
-    frequencies_hz
-        Of the lines (Hz), ``(F,)``.
-    tracking
-        Displacement over reference, complex.
-    """
+    """Displacement over reference, complex, at frequencies (Hz)."""
 
     frequencies_hz: Array
     tracking: Response
@@ -39,13 +31,13 @@ class LoopResponse:
 
     def bandwidth_hz(self, decibel: float = 3.0) -> float:
         """Frequency (Hz) up to which the displacement's amplitude stays within ± `decibel`."""
-        return self._held(np.abs(20.0 * np.log10(np.abs(self.tracking))) <= decibel)
+        return self._last(np.abs(20.0 * np.log10(np.abs(self.tracking))) <= decibel)
 
     def accuracy_hz(self, share: float = 0.1) -> float:
         """Frequency (Hz) up to which the error, phase included, stays below a share."""
-        return self._held(np.abs(self.error) <= share)
+        return self._last(np.abs(self.error) <= share)
 
-    def _held(self, within: np.ndarray) -> float:
+    def _last(self, within: np.ndarray) -> float:
         count = len(within) if within.all() else int(np.argmin(within))
         return float(self.frequencies_hz[count - 1]) if count else 0.0
 
@@ -62,7 +54,7 @@ def measure_loop(
     at: Literal["reference", "reading"] = "reference",
     seed: int = 0,
 ) -> LoopResponse:
-    """Let a loop track a multisine, and take the ratios of its lines."""
+    """Return the response of a loop to a multisine at the reference, or added to the reading."""
     rng = np.random.default_rng(seed)
     highest = samples / 3.0 if highest_hz is None else highest_hz * samples * layout.ts_s
     bins = np.unique(np.geomspace(1.0, highest, lines).round().astype(int))

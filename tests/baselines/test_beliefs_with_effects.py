@@ -13,10 +13,11 @@ from baselines import make_controller
 from baselines.inverses.delay import LinearUndo
 from baselines.pi import gains_within_margin, simc_gains
 from baselines.preview import SMOOTHING_HZ, learning_recursion
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import make_signal
+from tests.baselines.playing import play, rms
 from tests.looping import over
 
 TS = 5e-5
@@ -169,12 +170,6 @@ def test_feedback_on_a_resonance_diverges_unless_the_belief_knows_it():
     found = {}
     for belief in (BARE, truth):
         controller = make_controller("pi-extended-inverse", belief, layout)
-        task = TrackingTask(truth, layout)
-        observation, state, errors = task.reset(r), None, []
-        for _ in range(len(r) - 1):
-            action, state = controller.predict(observation, state)
-            observation = task.step(layout.place_to_V(np.float64(action[:, 0])))
-            errors.append(task.error_um[0])
-        found[len(belief.effects)] = np.sqrt(np.mean(np.square(errors[1000:])))
+        found[len(belief.effects)] = rms(play(controller, truth, r).errors_um[1000:])
     assert found[0] > 40.0
     assert found[1] < 0.1

@@ -63,18 +63,6 @@ def test_of_a_rate_dependent_plant_it_takes_the_rate_of_the_reference() -> None:
     assert float(np.max(np.abs(ours - theirs))) < 0.02 * float(np.ptp(theirs))
 
 
-def test_blocks_can_be_split_and_lanes_are_alike() -> None:
-    layout = ObservationLayout.for_plant(P5, ts_s=1e-3)
-    controller = make_controller("core-inverse", P5, layout)
-    reference = 10.0 * np.sin(np.arange(60.0) / 7.0)[:, None] * np.array([1.0, 0.5])
-    whole = controller.command_block(reference)  # type: ignore[attr-defined]
-    memory = controller.start(reference[0])  # type: ignore[attr-defined]
-    parts = [controller.command_block(r, memory) for r in (reference[:23], reference[23:])]  # type: ignore[attr-defined]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
-    alone = controller.command_block(reference[:, 1:])  # type: ignore[attr-defined]
-    np.testing.assert_allclose(whole[:, 1:], alone, atol=1e-12)
-
-
 def test_a_compensator_of_the_rdpi_model_refuses_another_core() -> None:
     plant = bench(CORES["stop"].starts(SCALE)[0], 5.0)
     layout = ObservationLayout.for_plant(plant, ts_s=TS_S)

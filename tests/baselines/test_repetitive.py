@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from baselines.repetitive import Repetitive
-from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.signals import Sine
 from rdpi_gym.support.errors import InputError
+from tests.baselines.playing import play
 
 TS = 1e-4
 BELIEF = limit_band(P10, 800.0)
@@ -26,15 +27,9 @@ def test_from_period_to_period_the_error_falls_and_without_one_nothing_is_learne
     sine = Sine(amplitude_um=30.0, frequency_hz=60.0, smooth_start_s=0.02)(time)
     chirp = 30.0 * np.sin(2 * np.pi * (20.0 + 300.0 * time) * time)
     r = np.stack([sine, chirp], axis=1)
-    controller, task = Repetitive(BELIEF, LAYOUT, {}), TrackingTask([TRUTH, TRUTH], LAYOUT)
-    controller.plan(r)
+    controller = Repetitive(BELIEF, LAYOUT, {})
+    _, errors, state, _ = play(controller, TRUTH, r)
     assert controller.periods.tolist() == [167, 0]
-    observation, state, errors = task.reset(r), None, []
-    for _ in range(len(r)):
-        action, state = controller.predict(observation, state)
-        observation = task.step(LAYOUT.place_to_V(action[:, 0]))
-        errors.append(task.error_um.copy())
-    errors = np.array(errors)
     first, last = (
         np.sqrt(np.mean(errors[part] ** 2, axis=0)) for part in (slice(260, 420), slice(-167, None))
     )

@@ -19,7 +19,7 @@ from rdpi_gym.diagnosis.search.record_starts import (
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, capped, hear
 from rdpi_gym.diagnosis.suitability import comb
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, hold_out_blocks
 from rdpi_gym.plant import P10
@@ -89,11 +89,13 @@ def test_an_effect_that_is_there_is_chosen_in_every_split_and_one_that_is_not_in
 
 def test_the_numerical_floor_falls_with_the_square_of_the_sampling_time():
     mode = Variant(P10.hysteresis, (CATALOGUE["resonance"](60.0, 0.1),))
-    floors = [
-        numerical_floor(mode, [record("run", mode, sine(30.0, 9.0, n, ts), ts)])
-        for n, ts in ((1000, 2e-3), (4000, 5e-4))
-    ]
+    slow, fast = (
+        record("run", mode, sine(30.0, 9.0, n, ts), ts) for n, ts in ((1000, 2e-3), (4000, 5e-4))
+    )
+    floors = [numerical_floor(mode, [each]) for each in (slow, fast)]
     assert floors[0].step_um / floors[1].step_um == pytest.approx(16.0, rel=0.25)
+    finer = simulate_between(mode, fast, 8) - simulate_effects([mode], fast)[:, 0]
+    assert floors[1].step_um == pytest.approx(np.std(finer) * 64.0 / 63.0, rel=0.03)
     assert floors[0].needed_hz(0.01 * floors[0].total_um) > 500.0
     assert numerical_floor(BARE, [record("run", BARE, sine(30.0, 9.0))]).total_um == 0.0
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.measurement import Dataset, Record, load, measured_data
-from rdpi_gym.measurement.published import DATA_HINT
+from rdpi_gym.measurement.loading import DATA_HINT
 from rdpi_gym.plant import P5, Plant, settled_memory
 from tests.looping import over
 

@@ -14,7 +14,7 @@ from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record, hold_out_quarter, load, measured_data
-from rdpi_gym.measurement.published import DATA_HINT
+from rdpi_gym.measurement.loading import DATA_HINT
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.plant.effects import CATALOGUE

@@ -13,6 +13,7 @@ import rdpi_gym
 from baselines import make_controller
 from rdpi_gym.envs import PiezoTrackingEnv
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 ZERO = np.zeros(1, dtype=np.float32)
 BASELINES = ["none", "classical-low-passed", "pi-inversion-free-low-passed", "preview-inversion"]
@@ -24,7 +25,7 @@ def commands(env, actions, seed=0, **options):
     return np.array([env.step(action)[4]["command_V"] for action in actions])
 
 
-@pytest.mark.parametrize("name", BASELINES)
+@over("name", BASELINES)
 def test_no_correction_is_the_baseline_itself(name):
     corrected = PiezoTrackingEnv(plant="P5", action="correction", baseline=name, noise_um=0.02)
     env = PiezoTrackingEnv(plant="P5", noise_um=0.02)
@@ -111,7 +112,7 @@ def test_an_unknown_baseline_is_refused():
         PiezoTrackingEnv(action="correction", baseline="clasical-static")
 
 
-@pytest.mark.parametrize("mode", ["command", "increment"])
+@over("mode", ["command", "increment"])
 def test_evaluate_policy_runs_a_baseline_unchanged(mode):
     evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
     monitor = pytest.importorskip("stable_baselines3.common.monitor")

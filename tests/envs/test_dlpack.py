@@ -13,6 +13,7 @@ import torch
 
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
 from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from tests.looping import over
 
 PAGE = (Path(__file__).parents[2] / "docs" / "interoperability.md").read_text(encoding="utf-8")
 
@@ -34,14 +35,13 @@ def test_the_page_prints_what_it_shows(capsys):
     assert capsys.readouterr().out == printed
 
 
-@pytest.mark.parametrize(
+@over(
     "wrapped",
     [
         lambda env: env,
         lambda env: VectorHistoryObservation(env, 2),
         lambda env: VectorScaledObservation(VectorHistoryObservation(env, 2)),
     ],
-    ids=["bare", "history", "scaled"],
 )
 def test_what_is_written_into_an_observation_is_seen_by_the_tensor_and_by_no_later_step(wrapped):
     env, twin = wrapped(lanes()), wrapped(lanes())

@@ -6,6 +6,7 @@ import pytest
 
 from rdpi_gym.envs import PiezoTrackingEnv
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 
 def refused(call, *args, **keywords):
@@ -17,8 +18,8 @@ def refused(call, *args, **keywords):
     return line
 
 
-@pytest.mark.parametrize(
-    ("keywords", "expected"),
+@over(
+    "keywords, expected",
     [
         ({"plant": "P7"}, "'P7' is neither a plant file nor one of P5"),
         ({"plant": 5}, "plant is 5; give the name"),
@@ -63,8 +64,8 @@ def test_keywords(keywords, expected):
     assert expected in refused(make_and_reset)
 
 
-@pytest.mark.parametrize(
-    ("options", "expected"),
+@over(
+    "options, expected",
     [
         ({"frequency": 3.0}, "reset has no option 'frequency'; it has reference, frequency_hz"),
         ({"reference": "sin"}, "names no signal"),
@@ -86,8 +87,8 @@ def test_options_leave_the_environment_usable(options, expected):
     np.testing.assert_array_equal(observation, fresh)
 
 
-@pytest.mark.parametrize(
-    ("action", "expected"),
+@over(
+    "action, expected",
     [
         (np.array([np.nan], dtype=np.float32), "action is nan; give a finite number of -1 to 1"),
         (np.array([np.inf], dtype=np.float32), "action is inf"),

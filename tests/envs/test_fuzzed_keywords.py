@@ -10,7 +10,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import pytest
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs import ObservationLayout, PiezoTrackingEnv, TrackingTask
@@ -21,6 +20,7 @@ from rdpi_gym.plant import P5, RDPI, Converter, Plant, PlantModel, Sensor, find_
 from rdpi_gym.plant.effects import CATALOGUE, effect_from_dict, load_effect
 from rdpi_gym.signals import SIGNALS, make_signal, signal_from_dict
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 NAME = "rdpi_gym/PiezoTracking-v0"
 ODD: tuple[Any, ...] = (
@@ -56,7 +56,7 @@ def use(env: gym.Env) -> None:
     assert np.isfinite(reward)
 
 
-@pytest.mark.parametrize("keyword", keywords_of(PiezoTrackingEnv))
+@over("keyword", keywords_of(PiezoTrackingEnv))
 def test_keywords_of_the_environment(keyword):
     for value in ODD:
         for more in ({}, {"action": "correction"}, {"baseline": "pi"}):
@@ -71,9 +71,7 @@ def test_gymnasium_make_hands_the_line_on():
         outcome(lambda value=value: gym.make(NAME, ts_s=value))
 
 
-@pytest.mark.parametrize(
-    "keyword", [*keywords_of(PiezoTrackingVectorEnv), "plant", "preview", "reference", "ts_s"]
-)
+@over("keyword", [*keywords_of(PiezoTrackingVectorEnv), "plant", "preview", "reference", "ts_s"])
 def test_keywords_of_the_vector_environment(keyword):
     for value in ODD:
         envs = outcome(lambda value=value: PiezoTrackingVectorEnv(**{keyword: value}))
@@ -82,7 +80,7 @@ def test_keywords_of_the_vector_environment(keyword):
             assert envs.observation_space.contains(envs.step(actions)[0])
 
 
-@pytest.mark.parametrize("kind", [PiezoTrackingEnv, PiezoTrackingVectorEnv])
+@over("kind", [PiezoTrackingEnv, PiezoTrackingVectorEnv])
 def test_what_a_reset_is_given(kind):
     env = kind()
     names = ("reference", "frequency_hz", "plant", "weights", "thresholds_V", "delta2_s")
@@ -94,7 +92,7 @@ def test_what_a_reset_is_given(kind):
     assert env.reset(seed=0)[0].dtype == np.float32
 
 
-@pytest.mark.parametrize("kind", [PiezoTrackingEnv, PiezoTrackingVectorEnv])
+@over("kind", [PiezoTrackingEnv, PiezoTrackingVectorEnv])
 def test_actions(kind):
     env = kind()
     env.reset(seed=0)
@@ -102,7 +100,7 @@ def test_actions(kind):
         outcome(lambda value=value: env.step(value))
 
 
-@pytest.mark.parametrize("name", SIGNALS)
+@over("name", SIGNALS)
 def test_fields_of_signals(name):
     for field in dataclasses.fields(SIGNALS[name]):
         for value in ODD:
@@ -113,7 +111,7 @@ def test_fields_of_signals(name):
                 assert np.isfinite(signal([0.0, 0.1])).all()
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@over("name", CATALOGUE)
 def test_parameters_of_effects(name):
     for parameter in CATALOGUE[name].parameters:
         for value in ODD:
@@ -135,7 +133,7 @@ BASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", BASES, ids=lambda kind: kind.__name__)
+@over("kind", BASES)
 def test_fields_of_plants(kind):
     for keyword in keywords_of(kind):
         if (kind, keyword) in ((TrackingTask, "layout"), (Plant, "lanes")):

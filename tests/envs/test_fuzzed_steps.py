@@ -4,7 +4,6 @@ from dataclasses import MISSING, dataclass, fields, replace
 
 import gymnasium as gym
 import numpy as np
-import pytest
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
@@ -14,6 +13,7 @@ from rdpi_gym.plant import PLANTS, Converter, PlantModel, named_plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.signals import SIGNALS
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 NAME = "rdpi_gym/PiezoTracking-v0"
 SEEDS = range(8)
@@ -158,7 +158,7 @@ def steps_of_lanes(case: Case, rng: np.random.Generator, words: str) -> int:
     return done
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@over("seed", SEEDS)
 def test_every_observation_of_random_environments_lies_in_its_space(seed):
     rng = np.random.default_rng(seed)
     done = made = 0

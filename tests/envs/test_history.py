@@ -14,6 +14,7 @@ from rdpi_gym.envs.wrappers.history import History, HistoryObservation, VectorHi
 from rdpi_gym.envs.wrappers.scaling import ScaledObservation, Scaling, VectorScaledObservation
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 ID = "rdpi_gym/PiezoTracking-v0"
 SAME, NEXT, NEVER = AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED
@@ -86,7 +87,7 @@ def test_scaled_errors_and_increments_are_in_their_units():
     assert np.abs(moved).max() == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_a_lane_sees_what_the_single_environment_sees_with_same_step_autoreset(way):
     vector = vector_wrapped(lanes(way, SAME))
     singles = [wrapped(gym.make(ID, max_episode_steps=9, **OPTIONS)) for _ in range(3)]
@@ -105,7 +106,7 @@ def test_a_lane_sees_what_the_single_environment_sees_with_same_step_autoreset(w
         assert vector.observation_space.contains(observation)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_with_next_step_autoreset_the_past_begins_a_step_after_the_end(way):
     vector = vector_wrapped(lanes(way, NEXT))
     singles = [wrapped(gym.make(ID, max_episode_steps=9, **OPTIONS)) for _ in range(3)]
@@ -121,7 +122,7 @@ def test_with_next_step_autoreset_the_past_begins_a_step_after_the_end(way):
         over = terminated | truncated
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_without_autoreset_only_the_lanes_of_the_mask_begin_anew(way):
     vector = VectorHistoryObservation(lanes(way, NEVER, length=100), 4)
     vector.reset(seed=0)
@@ -157,13 +158,13 @@ def test_gymnasiums_checker_accepts_both_and_a_spec_remakes_them():
     np.testing.assert_array_equal(env.reset(seed=1)[0], again.reset(seed=1)[0])
 
 
-@pytest.mark.parametrize("steps", [-1, 1.5])
+@over("steps", [-1, 1.5])
 def test_a_history_that_is_no_number_of_samples_is_refused(steps):
     with pytest.raises(InputError, match="history"):
         HistoryObservation(PiezoTrackingEnv(), steps)
 
 
-@pytest.mark.parametrize("units", [{"error": 0.0}, {"frequency_hz": float("nan")}])
+@over("units", [{"error": 0.0}, {"frequency_hz": float("nan")}])
 def test_a_unit_that_is_not_above_zero_is_refused(units):
     with pytest.raises(InputError, match=next(iter(units))):
         ScaledObservation(PiezoTrackingEnv(), **units)

@@ -13,6 +13,7 @@ from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import RDPI, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import Measured, Sine, make_signal
+from tests.looping import over
 
 
 def act(value):
@@ -91,7 +92,7 @@ def test_reference_is_the_signal_however_long_the_episode():
     np.testing.assert_array_equal(found, sine(1e-3 * np.arange(1, 5001)))
 
 
-@pytest.mark.parametrize("plant", ["P10", "P10-bench"])
+@over("plant", ["P10", "P10-bench"])
 def test_equals_its_lane_among_many(plant):
     env = PiezoTrackingEnv(plant=plant, frequency_hz=50.0, randomise=0.2)
     rng = np.random.default_rng(0)
@@ -127,7 +128,7 @@ def test_sampling_time_does_not_change_the_loop():
     np.testing.assert_allclose(literal[2], literal[0], atol=1e-3)
 
 
-@pytest.mark.parametrize("ts_s", [1e-4, 5e-5, 2e-5])
+@over("ts_s", [1e-4, 5e-5, 2e-5])
 def test_band_limited_loop_depends_on_sampling_only_within_one_sample(ts_s):
     """The low-pass is exact along a ramp; behind a corner, |v| is smallest between two samples."""
     model = named_plant("P10").hysteresis.band_limited(800.0)
@@ -160,7 +161,7 @@ def test_truth_is_drawn_anew_and_belief_is_not():
     assert len({truth.hysteresis for truth in truths}) == 3
 
 
-@pytest.mark.parametrize("name", list(CATALOGUE))
+@over("name", list(CATALOGUE))
 def test_a_plant_with_an_effect_is_observed_and_not_believed(name):
     plant = replace(named_plant("P5"), effects=(CATALOGUE[name](),))
     env = PiezoTrackingEnv(plant=plant, randomise=0.1)

@@ -14,6 +14,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import rdpi_gym  # noqa: F401  # registers the environments
+from tests.looping import over
 
 IDS = ["rdpi_gym/PiezoTracking-v0"]  # the tasks have tests of their own
 VARIANTS = {
@@ -34,9 +35,7 @@ VARIANTS = {
         "preview": 1,
     },
 }
-EACH = pytest.mark.parametrize(
-    ("name", "keywords"), [(name, v) for name in IDS for v in VARIANTS.values()]
-)
+EACH = over("name, keywords", [(name, v) for name in IDS for v in VARIANTS.values()])
 
 
 def episode(env, steps=300, seed=3):
@@ -117,7 +116,7 @@ def test_vector_lanes_equal_single_environments(name, keywords):
     vector.close()
 
 
-@pytest.mark.parametrize("name", IDS)
+@over("name", IDS)
 def test_spawned_workers_equal_the_vector_in_process(name):
     assert "spawn" in multiprocessing.get_all_start_methods()
     sync = gym.make_vec(name, num_envs=2, vectorization_mode="sync", randomise=0.1)
@@ -139,7 +138,7 @@ def test_spawned_workers_equal_the_vector_in_process(name):
         workers.close()
 
 
-@pytest.mark.parametrize("name", IDS)
+@over("name", IDS)
 def test_time_limit_truncates_and_nothing_terminates(name):
     env = gym.make(name)
     env.reset(seed=0)

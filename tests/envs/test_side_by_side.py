@@ -9,6 +9,7 @@ import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
 from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 ID = "rdpi_gym/PiezoTracking-v0"
 SAME, NEXT, NEVER = AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED
@@ -21,7 +22,7 @@ def group(plant="P10", count=2, length=7, mode=SAME, **keywords):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("mode", [SAME, NEXT])
+@over("mode", [SAME, NEXT])
 def test_each_lane_is_what_it_is_alone(mode):
     both = SideBySideVectorEnv([group("P10", 2, 7, mode), group("P10-static", 3, 5, mode)])
     alone = [group("P10", 2, 7, mode), group("P10-static", 3, 5, mode)]
@@ -63,14 +64,14 @@ def test_wrappers_and_the_adapter_take_it():
     for k in range(1, 11):
         _, _, done, infos = env.step(np.zeros((5, 1), dtype=np.float32))
         assert done.tolist() == [k == 7] * 2 + [k % 5 == 0] * 3
-        for over, info in zip(done, infos, strict=True):
-            assert set(info) >= ({"terminal_observation"} if over else set())
-            assert over or info == {}
+        for ended, info in zip(done, infos, strict=True):
+            assert set(info) >= ({"terminal_observation"} if ended else set())
+            assert ended or info == {}
             assert not over or info["terminal_observation"].shape == (17,)
 
 
-@pytest.mark.parametrize(
-    ("groups", "message"),
+@over(
+    "groups, message",
     [
         ([], "at least one"),
         ([{}, {"plant": "P5"}], "amplitude"),

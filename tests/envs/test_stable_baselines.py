@@ -19,6 +19,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
 
 from rdpi_gym.envs.wrappers.stable_baselines import StableBaselinesVecEnv
+from tests.looping import over
 
 ID = "rdpi_gym/PiezoTracking-v0"
 WAYS = ["sync", "vector_entry_point"]
@@ -44,7 +45,7 @@ def actions(count, steps, seed=0):
     return rng.uniform(-0.3, 0.3, (steps, count, 1)).astype(np.float32)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_each_lane_is_the_single_environment_with_its_seed_across_an_episodes_end(way):
     env = adapted(way, length=20)
     singles = [gym.make(ID, randomise=0.1, noise_um=0.01, max_episode_steps=20) for _ in range(3)]
@@ -92,7 +93,7 @@ def test_the_last_observation_of_an_episode_is_the_callers_own():
     np.testing.assert_array_equal([info["terminal_observation"] for info in infos], kept)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_chosen_infos_are_handed_on(way):
     env = StableBaselinesVecEnv(lanes(way, length=3), info_keys=["error_um", "command_V"])
     env.seed(0)
@@ -105,13 +106,13 @@ def test_chosen_infos_are_handed_on(way):
             assert info["command_V"] == pytest.approx(8.0)  # of the episode's end, not of the next
 
 
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+@over("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 def test_another_way_of_autoreset_is_refused(mode):
     with pytest.raises(InputError, match=rf"{mode.name}; Stable-Baselines3 needs .*SAME_STEP"):
         StableBaselinesVecEnv(lanes(mode=mode))
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_an_action_that_is_not_finite_is_refused(way):
     env = adapted(way)
     env.reset()
@@ -171,7 +172,7 @@ def test_frames_of_all_lanes_are_tiled():
     assert len(env.get_images()) == 2
 
 
-@pytest.mark.parametrize("way", WAYS)
+@over("way", WAYS)
 def test_its_own_wrappers_run_on_it(way):
     env = VecFrameStack(VecNormalize(VecCheckNan(VecMonitor(adapted(way, length=5)))), 2)
     env.seed(0)
@@ -205,8 +206,8 @@ SMALL = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("name", SMALL)
+@over("way", WAYS)
+@over("name", SMALL)
 def test_it_trains(name, way):
     stacked = VectorScaledObservation(VectorHistoryObservation(lanes(way), 2))
     env = VecMonitor(StableBaselinesVecEnv(stacked))

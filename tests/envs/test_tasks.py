@@ -14,6 +14,7 @@ from rdpi_gym.envs.tasks.changing import ChangingPlant
 from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.plant import Plant
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 REGISTERED = {name for name in gym.registry if name.startswith("rdpi_gym/")}
 
@@ -24,7 +25,7 @@ def test_every_task_is_registered_and_no_other():
     assert {task.samples for task in TASKS.values()} == {2500}
 
 
-@pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
+@over("task", TASKS.values())
 def test_an_id_is_a_sound_environment_whose_docstring_is_its_page(task):
     env = gym.make(task.id)
     with warnings.catch_warnings():
@@ -36,7 +37,7 @@ def test_an_id_is_a_sound_environment_whose_docstring_is_its_page(task):
     assert pickle.loads(pickle.dumps(env)).reset(seed=1)[0].shape == env.observation_space.shape
 
 
-@pytest.mark.parametrize("name", ["Stage", "Raster"])
+@over("name", ["Stage", "Raster"])
 def test_a_vector_lane_is_the_single_environment(name):
     task = TASKS[name]
     lanes = gym.make_vec(task.id, num_envs=2)
@@ -66,9 +67,7 @@ def test_draws_come_again_and_the_splits_have_none_in_common():
     assert len(noise) == len(drawn)
 
 
-@pytest.mark.parametrize(
-    ("split", "number", "said"), [("tests", 0, "split is 'tests'"), ("test", -1, "number is -1")]
-)
+@over("split, number, said", [("tests", 0, "split is 'tests'"), ("test", -1, "number is -1")])
 def test_a_draw_that_is_none_is_refused_in_one_line(split, number, said):
     with pytest.raises(InputError, match=said):
         TASKS["Bare"].draw(split, number)

@@ -7,6 +7,7 @@ from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.envs.truth import randomise_plant
 from rdpi_gym.plant import Plant, named_plant
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 1e-4
 
@@ -21,8 +22,8 @@ def problems(name, lanes):
     return models, ObservationLayout.for_plant(base, TS_S, preview=3), reference
 
 
-@pytest.mark.parametrize("name", ["P5", "P10-bench"])
-@pytest.mark.parametrize("lanes", [2, 17])
+@over("name", ["P5", "P10-bench"])
+@over("lanes", [2, 17])
 def test_lanes_equal_single_tasks(name, lanes):
     models, layout, reference = problems(name, lanes)
     together = TrackingTask(models, layout)
@@ -108,8 +109,8 @@ def test_rests_at_the_command_nearest_zero():
     assert task.displacement_um[0] == resting
 
 
-@pytest.mark.parametrize(
-    ("reference", "line"),
+@over(
+    "reference, line",
     [
         (np.zeros(5), r"shape \(5,\) for 2 lanes"),
         (np.zeros((5, 3)), r"shape \(5, 3\) for 2 lanes"),

@@ -12,6 +12,7 @@ import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
+from tests.looping import over
 
 NAME = "rdpi_gym/PiezoTracking-v0"
 LANES, EPISODE = 5, 8
@@ -67,7 +68,7 @@ def assert_alike(ours, theirs):
         raise AssertionError(f"{type(theirs)} in what an environment returned")
 
 
-@pytest.mark.parametrize("mode", list(AutoresetMode))
+@over("mode", list(AutoresetMode))
 def test_all_that_is_returned_is_what_gymnasiums_vector_returns(mode):
     ours, theirs = pair(mode)
     assert ours.metadata["autoreset_mode"] is mode

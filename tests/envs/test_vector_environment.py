@@ -12,8 +12,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environments
+from rdpi_gym.envs.unit_box import UnitBoxes
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.envs.vector.space import UnitBoxes
+from tests.looping import over
 
 IDS = sorted(name for name in gym.registry if name.startswith("rdpi_gym/"))
 NATIVE = [name for name in IDS if gym.spec(name).vector_entry_point]
@@ -40,7 +41,7 @@ def run(envs, steps=30, seed=0):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("name", NATIVE)
+@over("name", NATIVE)
 def test_what_is_registered_as_a_native_vector_is_one(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -53,7 +54,7 @@ def test_what_is_registered_as_a_native_vector_is_one(name):
     assert type(envs.spec).from_json(envs.spec.to_json()).kwargs["num_envs"] == 3
 
 
-@pytest.mark.parametrize("name", sorted({*IDS} - {*NATIVE}))
+@over("name", sorted({*IDS} - {*NATIVE}))
 def test_an_id_without_one_runs_side_by_side(name):
     envs = gym.make_vec(name, num_envs=2, vectorization_mode="sync")
     first = run(envs, steps=3)
@@ -106,7 +107,7 @@ def test_an_action_is_drawn_by_splitmix64():
         word = word + 0x9E3779B97F4A7C15 & mask
 
 
-@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
+@over("mode", ["SameStep", "NextStep"])
 def test_what_is_returned_belongs_to_the_caller(mode):
     """Written over at once, it changes nothing that comes later."""
     keywords = {"max_episode_steps": 5, "autoreset_mode": mode, "noise_um": 0.1}
@@ -177,7 +178,7 @@ def test_pickled_mid_episode_continues_alike():
             np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
+@over("mode", ["SameStep", "NextStep"])
 def test_gymnasiums_wrappers_run_around_it(mode):
     envs = gym.make_vec(
         "rdpi_gym/PiezoTracking-v0", num_envs=3, max_episode_steps=10, autoreset_mode=mode

@@ -9,6 +9,7 @@ from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 GOOD = np.zeros((3, 1), dtype=np.float32)
 
@@ -22,8 +23,8 @@ def refused(call, *args, **keywords):
     return line
 
 
-@pytest.mark.parametrize(
-    ("keywords", "expected"),
+@over(
+    "keywords, expected",
     [
         ({"num_envs": 0}, "num_envs is 0; give a whole number of lanes, at least 1"),
         ({"num_envs": -1}, "num_envs is -1"),
@@ -47,8 +48,8 @@ def test_an_unknown_keyword_is_named():
         PiezoTrackingVectorEnv(2, amplitud=1.0)
 
 
-@pytest.mark.parametrize(
-    ("actions", "expected"),
+@over(
+    "actions, expected",
     [
         (np.array([[0.0], [np.nan], [0.0]], np.float32), "action of lane 1 is nan; give finite"),
         (np.array([[0.0], [0.0], [-np.inf]]), "action of lane 2 is -inf"),
@@ -71,17 +72,15 @@ def test_actions_leave_the_episodes_as_they_were(actions, expected):
     np.testing.assert_array_equal(envs.step(GOOD)[0], untouched.step(GOOD)[0])
 
 
-@pytest.mark.parametrize(
-    "actions", [GOOD.astype(float), GOOD.astype(int), GOOD[::-1], GOOD.copy("F")]
-)
+@over("actions", [GOOD.astype(float), GOOD.astype(int), GOOD[::-1], GOOD.copy("F")])
 def test_actions_of_other_numbers_and_strides_are_read(actions):
     envs = PiezoTrackingVectorEnv(3)
     envs.reset(seed=0)
     assert envs.step(actions)[4]["command_V"].tolist() == [0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("keywords", "expected"),
+@over(
+    "keywords, expected",
     [
         ({"options": {"reset_mask": [True, True, True]}}, "reset_mask is list; give a numpy array"),
         ({"options": {"reset_mask": np.ones(2, dtype=bool)}}, "reset_mask is bool of shape (2,)"),

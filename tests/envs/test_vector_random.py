@@ -13,6 +13,7 @@ from rdpi_gym.envs.vector.random import (
     next_word,
     seed_generator,
 )
+from tests.looping import over
 
 SEEDS = st.integers(0, 2**64 - 1) | st.integers(0, 2**32)
 
@@ -49,7 +50,7 @@ def test_what_a_reference_draws(seed, choices):
     assert draw_reference(words, choices) == pytest.approx(expected, rel=0, abs=0)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@over("seed", range(3))
 def test_normal_numbers_those_of_the_tail_included(seed):
     words, rng = generators(seed)
     numbers = np.empty(20_000)

@@ -16,6 +16,7 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of, load_
 from rdpi_gym.plant.effects.base import SLOTS
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 NAME = "rdpi_gym/PiezoTracking-v0"
 # Of the largest displacement; the vector units add the plays up in another order.
@@ -85,7 +86,7 @@ def largest_difference(lanes, steps, episode, seed=7, **keywords):
     return worst
 
 
-@pytest.mark.parametrize("action", ["command", "increment"])
+@over("action", ["command", "increment"])
 def test_every_effect_of_the_catalogue_randomised_over_episodes(action):
     assert {effect.slot for effect in EVERY_EFFECT.effects} == set(SLOTS)
     found = largest_difference(
@@ -103,7 +104,7 @@ def test_every_effect_of_the_catalogue_randomised_over_episodes(action):
     assert found < 100.0 * ROUNDING
 
 
-@pytest.mark.parametrize("name", [*CATALOGUE, "unknown"])
+@over("name", [*CATALOGUE, "unknown"])
 def test_each_effect_alone(name):
     plant = replace(named_plant("P5"), effects=(CATALOGUE[name](),))
     found = largest_difference(
@@ -112,7 +113,7 @@ def test_each_effect_alone(name):
     assert found < 25.0 * ROUNDING
 
 
-@pytest.mark.parametrize(
+@over(
     "keywords",
     [
         {},
@@ -143,7 +144,7 @@ def test_a_baseline_that_plans_ahead():
     assert found < 25.0 * ROUNDING
 
 
-@pytest.mark.parametrize(
+@over(
     "reference",
     [["sine", "triangle"], ["sawtooth"], [{"signal": "multisine", "lines": 3, "odd": True}]],
 )
@@ -183,7 +184,7 @@ def test_lanes_that_are_given_other_references_on_the_way():
                 assert difference(ours, (one, its_reward, its_info), each) < 25.0 * ROUNDING
 
 
-@pytest.mark.parametrize("lanes", [33, 500])
+@over("lanes", [33, 500])
 def test_any_number_of_lanes(lanes):
     assert largest_difference(lanes, steps=6, episode=4, randomise=0.2) < 80.0 * ROUNDING
 
@@ -230,8 +231,8 @@ def test_an_effect_of_ones_own_among_those_of_the_catalogue():
     assert found < 100.0 * ROUNDING
 
 
-@pytest.mark.parametrize("bare", [True, False])
-@pytest.mark.parametrize("name", list(CORES))
+@over("bare", [True, False])
+@over("name", list(CORES))
 def test_every_core_randomised_over_episodes(name, bare):
     plant = with_core(name)
     found = largest_difference(
@@ -246,7 +247,7 @@ def test_every_core_randomised_over_episodes(name, bare):
     assert found < 100.0 * ROUNDING
 
 
-@pytest.mark.parametrize("name", list(CORES))
+@over("name", list(CORES))
 def test_numbers_of_a_core_are_drawn_within_their_bounds(name):
     env = gym.make(NAME, plant=with_core(name), randomise=0.3).unwrapped
     nominal, gains, shapes = env.nominal.hysteresis, [], []
@@ -265,7 +266,7 @@ def test_numbers_of_a_core_are_drawn_within_their_bounds(name):
         assert len(set(values.tolist())) > 3 or getattr(nominal, p.name) == 0.0
 
 
-@pytest.mark.parametrize("name", list(CORES))
+@over("name", list(CORES))
 def test_checkers_have_no_complaint_of_a_core(name):
     plant = replace(with_core(name), effects=()).to_dict()  # as a file holds it
     with warnings.catch_warnings():
@@ -306,7 +307,7 @@ def test_effects_are_drawn_at_levels_of_their_range():
     assert len(set(nearest.tolist())) >= 32
 
 
-@pytest.mark.parametrize("number", range(1, MOST_FORMS))
+@over("number", range(1, MOST_FORMS))
 def test_further_forms_of_every_effect(number):
     found = largest_difference(
         lanes=3,
@@ -319,7 +320,7 @@ def test_further_forms_of_every_effect(number):
     assert found < 100.0 * ROUNDING
 
 
-@pytest.mark.parametrize("words", ["about the start", "last turns"])
+@over("words", ["about the start", "last turns"])
 def test_a_past_about_the_start_is_about_the_command_at_rest(words):
     past = load_effect("initial_memory", words)()
     plant = replace(named_plant("P10"), command_range_V=(15.0, 60.0), effects=(past,))

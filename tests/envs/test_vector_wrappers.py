@@ -2,12 +2,12 @@
 
 import gymnasium as gym
 import numpy as np
-import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
+from tests.looping import over
 
 LANES, LENGTH = 3, 6
 MODES = [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED]
@@ -44,7 +44,7 @@ def run(env, actions, seed=0):
     return np.array(observations), np.array(rewards), infos
 
 
-@pytest.mark.parametrize("mode", MODES)
+@over("mode", MODES)
 def test_episode_statistics_are_those_of_each_lanes_episodes(mode):
     env = wrappers.RecordEpisodeStatistics(lanes(mode))
     env.reset(seed=0)
@@ -135,7 +135,7 @@ def test_clipped_actions_are_not_counted_as_saturated():
     np.testing.assert_array_equal(clipped["saturated"], 0)
 
 
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+@over("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 def test_observations_are_flattened_reshaped_transformed_and_of_another_type(mode):
     actions = drawn(LENGTH)
     plain, *_ = run(lanes(mode), actions)

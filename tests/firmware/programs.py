@@ -22,24 +22,24 @@ needs_compiler = pytest.mark.skipif(not (COMPILERS or shutil.which("cc")), reaso
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc here")
 
 
-class Integral:
-    """u(k+1) = 0.5 r(k+1) + sum of 0.25 (r - y), between -25 and 25 V; a plant of one play."""
+def integral(reference_um: Any, measured_um: Any) -> Any:
+    """u(k+1) = 0.5 r(k+1) + sum of 0.25 (r - y), between -25 and 25 V."""
+    total = reference_um[0].copy()
+    u = np.empty_like(measured_um)
+    for k, measured in enumerate(measured_um):
+        total = total + 0.25 * (reference_um[k] - measured)
+        u[k] = np.clip(0.5 * reference_um[k + 1] + total, -25.0, 25.0)
+    return u
 
-    def controller(self, reference_um: Any, measured_um: Any) -> Any:
-        total = reference_um[0].copy()
-        u = np.empty_like(measured_um)
-        for k, measured in enumerate(measured_um):
-            total = total + 0.25 * (reference_um[k] - measured)
-            u[k] = np.clip(0.5 * reference_um[k + 1] + total, -25.0, 25.0)
-        return u
 
-    def plant(self, command_V: Any) -> Any:
-        xi = np.zeros(command_V.shape[1])
-        y = np.empty_like(command_V)
-        for k, u in enumerate(command_V):
-            xi = np.maximum(u - 2.0, np.minimum(u + 2.0, xi))
-            y[k] = 0.7 * u + 0.3 * xi
-        return y
+def one_play(command_V: Any) -> Any:
+    """y = 0.7 u + 0.3 of a play of 2 V."""
+    xi = np.zeros(command_V.shape[1])
+    y = np.empty_like(command_V)
+    for k, u in enumerate(command_V):
+        xi = np.maximum(u - 2.0, np.minimum(u + 2.0, xi))
+        y[k] = 0.7 * u + 0.3 * xi
+    return y
 
 
 CONTROLLER = Program(
@@ -50,7 +50,7 @@ CONTROLLER = Program(
     "m->total[0] = m->total[0] + p->gain[1] * (reference_um - measured_um);\n"
     "return rdpi_min(rdpi_max(p->gain[0] * ahead_um[0] + m->total[0], RDPI_C(-25.0)), RDPI_C(25.0));",
     frozenset(),
-    Integral(),
+    integral,
 )  # fmt: skip
 PLANT = Program(
     "plant", "one play", "hand-made", 1e-4, 0, (-25.0, 25.0), 0.0, 0.0, 10.0,
@@ -62,7 +62,7 @@ PLANT = Program(
     "}\n"
     "return p->a[0] * command_V + p->a[1] * m->xi[0];",
     frozenset(),
-    Integral(),
+    one_play,
 )  # fmt: skip
 # Calls everything that the writer has.
 GREEDY = replace(

@@ -53,7 +53,7 @@ def off_by(program: Program, folder: Path, single: bool = False) -> float:
     """Largest difference of the C from Python, as share of the command range."""
     reference, measured = records(program)
     commands = answers(program, folder, reference, measured, single=single)
-    expected = program.twin.controller(reference, measured)
+    expected = program.twin(reference, measured)
     return float(np.max(np.abs(commands - expected)) / np.ptp(program.command_range_V))
 
 

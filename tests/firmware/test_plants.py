@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.firmware.plants import plant_program
+from rdpi_gym.firmware.making import plant_program
 from rdpi_gym.plant import CORES, P10, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.model import Converter
@@ -31,7 +31,7 @@ def test_every_core_in_either_precision(tmp_path):
     for name in CORES:
         own = P10.hysteresis if name == "rdpi" else CORES[name].starts(scale)[0]
         program = plant_program(replace(P10, hysteresis=own), TS_S)
-        expected = program.twin.plant(u)
+        expected = program.twin(u)
         found = answers(program, tmp_path, u)
         assert not program.exact or (found == expected).all(), name
         assert np.abs(found - expected).max() < 1e-13 * np.ptp(expected), name
@@ -46,7 +46,7 @@ def test_a_stage_with_many_effects_an_offset_and_a_converter(tmp_path):
     program = plant_program(model, TS_S)
     assert [part.name for part in program.memory][:2] == ["converter", "core"]
     u = _commands()
-    expected = program.twin.plant(u)
+    expected = program.twin(u)
     assert np.abs(answers(program, tmp_path, u) - expected).max() < 1e-13 * np.ptp(expected)
 
 
@@ -57,7 +57,7 @@ def test_a_plant_rests_where_its_initial_memory_leaves_it():
     assert np.abs(own[2:]).max() > 0.0 == np.abs(zero[2:]).max()
     twin = plant_program(named_plant("P5"), TS_S).twin  # each of its lanes begins at rest
     u = _commands(1000)
-    assert (twin.plant(np.hstack([u, u])) == twin.plant(u)).all()
+    assert (twin(np.hstack([u, u])) == twin(u)).all()
 
 
 def test_an_effect_that_counts_samples_notes_how_long_a_float_counts():

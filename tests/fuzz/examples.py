@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis.notices import Statement
-from rdpi_gym.diagnosis.texts import AS_WRITTEN
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.plant import P5, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
@@ -29,11 +28,10 @@ TABLES = (TABLE, TABLE[["controller"]], TABLE[[]][:0])
 @cache
 def _made() -> dict[Any, Any]:
     creep = CATALOGUE["creep"]()
-    alike = Statement("core/alike", {"cores": ["a"], "pair": (0.5, 0.1)})
     return {
         str: "a", int: 3, float: 0.5, bool: False, NoneType: None, Any: 0.5, object: "a", type: float,
         PlantModel: P5, Effect: creep, Record: RECORD,
-        Statement: Statement(AS_WRITTEN, {"text": alike, "number": float("inf")}),
+        Statement: Statement("as written", {"text": "a"}),
         type(P5.hysteresis): P5.hysteresis, Truth: Truth(P5, (creep,), noise_um=0.01, seed=3),
     }  # fmt: skip
 

@@ -25,11 +25,10 @@ import pandas as pd
 from scipy.io import savemat
 
 from rdpi_gym.measurement import DataOptions, Dataset, load
-from rdpi_gym.measurement.binary import read_matlab
+from rdpi_gym.measurement.binary import read_matlab, stacked_tags
 from rdpi_gym.measurement.checking import make_record
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.record import Record
-from rdpi_gym.measurement.stacked import stacked_tags
 from rdpi_gym.plant import P5, P10, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.model import PLANTS

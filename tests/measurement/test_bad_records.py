@@ -7,6 +7,7 @@ import pytest
 
 from rdpi_gym.measurement import DataOptions, Record, load
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 
 def with_cell(lines: list[str], line: int, column: int, cell: str) -> str:
@@ -16,8 +17,8 @@ def with_cell(lines: list[str], line: int, column: int, cell: str) -> str:
     return "\n".join([*lines[: line - 1], ",".join(cells), *lines[line:]])
 
 
-@pytest.mark.parametrize("cell", ["inf", "-Infinity", "1e999"])
-@pytest.mark.parametrize(("column", "name"), [(0, "t"), (1, "u"), (2, "y")])
+@over("cell", ["inf", "-Infinity", "1e999"])
+@over("column, name", [(0, "t"), (1, "u"), (2, "y")])
 def test_no_finite_number(write, sine_lines, refusal, cell, column, name) -> None:
     line = refusal(write("run.csv", with_cell(sine_lines(), 13, column, cell)))
     assert f"run.csv, line 13, column {name}: " in line
@@ -37,7 +38,7 @@ def test_lines_are_counted_with_comments_and_empty_ones(write, sine_lines, refus
     assert "run.csv, line 15, column u: inf" in line
 
 
-@pytest.mark.parametrize("cell", ["x", "1.2.3", "1_000", "--", "12 V", "0x10"])
+@over("cell", ["x", "1.2.3", "1_000", "--", "12 V", "0x10"])
 def test_no_number(write, sine_lines, refusal, cell) -> None:
     line = refusal(write("run.csv", with_cell(sine_lines(), 30, 2, cell)))
     assert f"run.csv, line 30, column y: {cell!r} is not a number" in line
@@ -73,7 +74,7 @@ def test_a_file_that_was_cut_off(write, sine_lines, refusal) -> None:
     assert "run.csv, line 41, column y: no value; perhaps the file was cut off here" in line
 
 
-@pytest.mark.parametrize("delimiter", [",", ";", " "])
+@over("delimiter", [",", ";", " "])
 def test_lines_that_ran_together(write, sine_lines, refusal, delimiter) -> None:
     lines = sine_lines()
     lines[9] += "," + lines.pop(10)
@@ -81,7 +82,7 @@ def test_lines_that_ran_together(write, sine_lines, refusal, delimiter) -> None:
     assert "run.csv, line 10, column 3: 6 values where 3 were expected" in line
 
 
-@pytest.mark.parametrize("value", ["-1", "0.08"])
+@over("value", ["-1", "0.08"])
 def test_time_that_does_not_increase(write, sine_lines, refusal, value) -> None:
     line = refusal(write("run.csv", with_cell(sine_lines(), 8, 0, value)))
     assert f"run.csv, line 8, column t: time goes from 0.1 to {float(value):g} s" in line
@@ -120,8 +121,8 @@ def test_fewer_than_sixteen_samples_at_the_median_step(write, sine_lines, refusa
     assert "samples are left at the median step of 0.02 s; give 16 or more" in line
 
 
-@pytest.mark.parametrize(
-    ("header", "name", "meaning"),
+@over(
+    "header, name, meaning",
     [
         ("time,u,y", "t", "time in s"),
         ("t,U,y", "u", "voltage in V"),
@@ -182,7 +183,7 @@ def test_decimal_commas_between_commas(write, sine_lines, refusal) -> None:
     assert "put semicolons between the values" in line
 
 
-@pytest.mark.parametrize("text", ["", "\n\n", "# t,u,y\n", "t,u,y\n"])
+@over("text", ["", "\n\n", "# t,u,y\n", "t,u,y\n"])
 def test_no_values(write, refusal, text) -> None:
     assert "the file ends before its first value" in refusal(write("run.csv", text))
 
@@ -236,8 +237,8 @@ def test_an_ending_that_is_not_read(write, refusal) -> None:
     assert "run.xlsx: files that end in '.xlsx' are not read; give a folder or one of .csv" in line
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
+@over(
+    "changes, reason",
     [
         ({"ts_s": 0.0}, "ts_s is 0.0"),
         ({"y_um": np.zeros(3)}, r"y_um has shape \(3,\)"),

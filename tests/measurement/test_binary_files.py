@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import h5py
 import numpy as np
-import pytest
 from scipy.io import savemat
 from scipy.sparse import csr_array
 
 from rdpi_gym.measurement import DataOptions, load
+from tests.looping import over
 
 T = 0.02 * np.arange(40)
 U = np.sin(2 * np.pi * T)
@@ -31,11 +31,11 @@ def save(path, variables) -> None:
         savemat(path, variables)
 
 
-every_format = pytest.mark.parametrize("name", ["run.mat", "run73.mat", "run.npz"])
+every_format = over("name", ["run.mat", "run73.mat", "run.npz"])
 
 
 @every_format
-@pytest.mark.parametrize("shape", [(-1,), (1, -1), (-1, 1)])
+@over("shape", [(-1,), (1, -1), (-1, 1)])
 def test_rows_and_columns(tmp_path, name, shape) -> None:
     save(tmp_path / name, {key: value.reshape(shape) for key, value in COLUMNS.items()})
     (record,) = load(tmp_path / name).records
@@ -64,7 +64,7 @@ def test_other_names_units_optional_columns(tmp_path, name) -> None:
     np.testing.assert_allclose(record.t_s, T, atol=1e-15)
 
 
-@pytest.mark.parametrize("name", ["run.mat", "run73.mat"])
+@over("name", ["run.mat", "run73.mat"])
 def test_one_struct_that_holds_the_columns(tmp_path, name) -> None:
     save(tmp_path / name, {"measurement": COLUMNS, "gain": np.ones((1, 1))})
     np.testing.assert_array_equal(load(tmp_path / name).records[0].u_V, U)
@@ -146,7 +146,7 @@ def test_one_array_without_names(tmp_path, refusal) -> None:
     assert "one array without a name" in refusal(tmp_path / "run.npz")
 
 
-@pytest.mark.parametrize("other", ["text", csr_array(np.diag(U)), np.array([{}], dtype=object)])
+@over("other", ["text", csr_array(np.diag(U)), np.array([{}], dtype=object)])
 def test_matlab_variables_that_hold_no_numbers(tmp_path, refusal, other) -> None:
     savemat(tmp_path / "run.mat", {**COLUMNS, "y": other})
     assert "run.mat, variable y: no array of real numbers" in refusal(tmp_path / "run.mat")

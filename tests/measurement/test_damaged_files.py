@@ -15,6 +15,7 @@ from rdpi_gym.measurement import Dataset, load
 from rdpi_gym.measurement.binary import read_matlab, read_npz
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 T = 0.02 * np.arange(40)
 COLUMNS = {"t": T, "u": np.sin(T), "y": np.cos(T)}
@@ -50,7 +51,7 @@ def test_a_quotation_mark_that_is_not_closed(write, refusal) -> None:
     assert "run.csv, line 12: a quotation mark is not closed" in line
 
 
-@pytest.mark.parametrize("name", ["v5.mat", "compressed.mat", "v73.mat", "run.npz"])
+@over("name", ["v5.mat", "compressed.mat", "v73.mat", "run.npz"])
 def test_binary_files_cut_off_anywhere(tmp_path, name) -> None:
     path = tmp_path / name
     if name == "v73.mat":

@@ -12,10 +12,11 @@ from typer.testing import CliRunner
 from rdpi_gym.cli.options import DataArgument, expanded
 from rdpi_gym.measurement import DataOptions, load, parse_columns, parse_units
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 
-@pytest.mark.parametrize(
-    ("column", "unit", "factor"),
+@over(
+    "column, unit, factor",
     [
         ("t", "s", 1.0),
         ("t", "ms", 1e-3),
@@ -40,8 +41,8 @@ def test_units(write, sine_lines, column, unit, factor) -> None:
     assert getattr(read, name) == pytest.approx(factor * getattr(plain, name), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
+@over(
+    "text, message",
     [
         ("y=furlong", "--units: unit 'furlong' of y is unknown; known are m, mm, um, nm"),
         ("t=h", "--units: unit 'h' of t is unknown; known are s, ms, us"),
@@ -68,8 +69,8 @@ def test_columns() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
+@over(
+    "text, message",
     [
         ("temprature=T", "--columns: 'temprature' is unknown (did you mean 'temperature'?)"),
         ("u=1,y=1", "--columns: u and y both name column 1; give two columns"),
@@ -83,8 +84,8 @@ def test_columns_that_are_refused(text, message) -> None:
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
+@over(
+    "options, message",
     [
         ({"sampling_time_s": 0.0}, "--sampling-time is 0.0; give seconds above 0"),
         ({"sampling_time_s": float("inf")}, "--sampling-time is inf"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.measurement import DataOptions, load
+from tests.looping import over
 
 
 @pytest.fixture
@@ -91,8 +92,8 @@ def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
     assert one.remarks[-1].endswith("0 to 0.1 s (0 samples)")
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
+@over(
+    "text, message",
     [
         ("titel = 'x'", ": 'titel' is unknown (did you mean 'title'?); known are title, skip_s"),
         ("sampling_time_s = 1", ": 'sampling_time_s' is unknown; known are"),

@@ -8,6 +8,7 @@ from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_ef
 from rdpi_gym.measurement import DataOptions, Record, load
 from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE
+from tests.looping import over
 
 TS, EARLY = 1e-2, 37
 
@@ -45,7 +46,7 @@ def write(path, u, y):
     path.write_text(f"t [s],u [V],y [um]\n{rows}\n")
 
 
-@pytest.mark.parametrize("gain", [0.8, -0.8])
+@over("gain", [0.8, -0.8])
 def test_a_start_that_is_skipped_is_the_history_and_shows_a_step_from_0_V(tmp_path, gain):
     u = moving()
     y = gain * u

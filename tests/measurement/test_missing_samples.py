@@ -7,6 +7,7 @@ import pytest
 
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import DataOptions, load
+from tests.looping import over
 
 
 def with_cells(lines: list[str], rows, column: int, cell: str) -> str:
@@ -19,8 +20,8 @@ def with_cells(lines: list[str], rows, column: int, cell: str) -> str:
     return "\n".join(changed) + "\n"
 
 
-@pytest.mark.parametrize(("column", "key"), [(1, "u_V"), (2, "y_um")])
-@pytest.mark.parametrize("cell", ["nan", "NaN"])
+@over("column, key", [(1, "u_V"), (2, "y_um")])
+@over("cell", ["nan", "NaN"])
 def test_a_value_that_is_no_number_is_bridged_and_not_scored(
     write, sine_lines, column, key, cell
 ) -> None:
@@ -71,7 +72,7 @@ def test_a_line_that_stands_there_twice_is_left_out(write, sine_lines) -> None:
     assert record.error_mask.sum() >= 38
 
 
-@pytest.mark.parametrize("rows", [[0], [39], [0, 1, 20, 39]])
+@over("rows", [[0], [39], [0, 1, 20, 39]])
 def test_times_that_are_missing_are_filled(write, sine_lines, rows) -> None:
     (record,) = load(write("run.csv", with_cells(sine_lines(), rows, 0, "nan"))).records
     np.testing.assert_allclose(record.t_s, 0.02 * np.arange(40), atol=1e-12)
@@ -83,8 +84,8 @@ def test_a_column_of_times_that_says_nothing_is_refused(write, sine_lines, refus
     assert "39 of 40 times are missing or stand there twice" in line
 
 
-@pytest.mark.parametrize("gone", [[200], [1], [150, 151, 152], range(100, 120), [7, 50, 51, 300]])
-@pytest.mark.parametrize(("ts_s", "decimals", "options"), [
+@over("gone", [[200], [1], [150, 151, 152], range(100, 120), [7, 50, 51, 300]])
+@over("ts_s, decimals, options", [
     (5e-3, 6, DataOptions()),
     (3.328e-4, 4, DataOptions()),
     (3.328e-4, 4, DataOptions(sampling_time_s=3.328e-4)),

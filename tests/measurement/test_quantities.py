@@ -9,6 +9,7 @@ from scipy.io import savemat
 import rdpi_gym as rg
 from rdpi_gym.measurement import DataOptions, Quantities, Quantity, load, parse_units
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 DAMPER = Quantities(Quantity("displacement", "x", "mm"), Quantity("force", "F", "kN"))
 TOML = (
@@ -40,7 +41,7 @@ def test_dataset_toml_names_the_quantities(write) -> None:
     assert "from displacement x (mm) to force F (kN)" in data.describe()
 
 
-@pytest.mark.parametrize("header", ["t [s],x (mm),F [kN]", "t_s,x_mm,F_kN", "t,x [mm],F (kN)"])
+@over("header", ["t [s],x (mm),F [kN]", "t_s,x_mm,F_kN", "t,x [mm],F (kN)"])
 def test_the_header_names_symbols_and_units(write, header) -> None:
     path = write("run.csv", text(header, SINE, 2 * SINE))
     data = load(path, DataOptions(columns={"u": "x", "y": "F"}))
@@ -64,7 +65,7 @@ def test_what_the_user_says_overrides_the_header(write) -> None:
     np.testing.assert_allclose(record.y_um, SINE, rtol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["y_m", "u_max", "y (measured)", "y_ref"])
+@over("name", ["y_m", "u_max", "y (measured)", "y_ref"])
 def test_what_only_looks_like_a_unit_is_none(write, name) -> None:
     path = write("run.csv", text(f"t,u,{name}", SINE, SINE))
     data = load(path, DataOptions(columns={"y": name}))
@@ -98,8 +99,8 @@ def test_units_are_resolved_file_by_file(write, tmp_path) -> None:
         load(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("toml", "said"),
+@over(
+    "toml, said",
     [
         ("[quantities]\ninputs = {}", r"'inputs' is unknown \(did you mean 'input'\?\)"),
         ("[quantities]\noutput = 'kN'", r"output = 'kN'; give a table, as in output = \{ name"),
@@ -170,8 +171,8 @@ def test_what_is_written_is_read_back_with_its_quantities(write, tmp_path) -> No
         np.testing.assert_allclose(again.records[0].others["u2"], 5 * SINE, rtol=1e-8)
 
 
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("kind", ["npz", "mat"])
+@over("turned", [False, True])
+@over("kind", ["npz", "mat"])
 def test_a_variable_of_several_channels_holds_several_inputs(tmp_path, kind, turned) -> None:
     u = np.column_stack((SINE, 5 * SINE, -SINE))
     save = {"npz": np.savez, "mat": lambda path, **columns: savemat(path, columns)}[kind]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+from tests.looping import over
 
 SAMPLES, INPUTS, REALISATIONS, PERIODS = 50, 3, 2, 2
 TS = DataOptions(sampling_time_s=0.01)
@@ -52,8 +53,8 @@ def test_another_axis_and_another_input(mirror) -> None:
     assert list(record.others) == ["u1", "u3"]
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
+@over(
+    "options, said",
     [
         ({"input": "u4"}, "u_train has no channel u4; there are u1, u2, u3"),
         ({"columns": {"y": 2}}, "channel 2 of y; give one as in y2, counted from 1"),

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rdpi_gym.measurement import DataOptions, Record, load, parse_columns, parse_units, write_csv
+from tests.looping import over
 
 
 def assert_is_the_sine(record: Record) -> None:
@@ -20,8 +21,8 @@ def assert_is_the_sine(record: Record) -> None:
     np.testing.assert_allclose(record.y_um, 8 * np.sin(2 * np.pi * t), atol=1e-6)
 
 
-@pytest.mark.parametrize("ending", ["csv", "txt", "dat", "tsv", "CSV"])
-@pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", ", ", " ; ", "   ", "\t "])
+@over("ending", ["csv", "txt", "dat", "tsv", "CSV"])
+@over("delimiter", [",", ";", "\t", " ", ", ", " ; ", "   ", "\t "])
 def test_delimiters(write, sine_lines, delimiter, ending) -> None:
     text = "\n".join(line.replace(",", delimiter) for line in sine_lines())
     (record,) = load(write(f"run.{ending}", text)).records
@@ -29,8 +30,8 @@ def test_delimiters(write, sine_lines, delimiter, ending) -> None:
     assert_is_the_sine(record)
 
 
-@pytest.mark.parametrize("delimiter", [";", "\t", " ", "; "])
-@pytest.mark.parametrize("header", [True, False])
+@over("delimiter", [";", "\t", " ", "; "])
+@over("header", [True, False])
 def test_decimal_commas(write, sine_lines, delimiter, header) -> None:
     lines = [line.replace(",", delimiter).replace(".", ",") for line in sine_lines()]
     path = write("run.csv", "\n".join(lines if header else lines[1:]))
@@ -44,14 +45,14 @@ def test_decimal_commas_beside_a_date_with_points(write, sine_lines) -> None:
     assert_is_the_sine(load(write("run.csv", "\n".join(lines))).records[0])
 
 
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@over("end", ["\n", "\r\n", "\r"])
 def test_line_ends_comments_empty_lines(write, sine_lines, end) -> None:
     lines = ["% made at night", "", *sine_lines(), "# the end", ""]
     lines.insert(10, "  # an interruption, 1, 2, 3")
     assert_is_the_sine(load(write("run.csv", end.join(lines))).records[0])
 
 
-@pytest.mark.parametrize(
+@over(
     "encoded",
     [
         lambda text: codecs.BOM_UTF8 + text.encode(),

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rdpi_gym.measurement.sampling import to_uniform
+from tests.looping import over
 
 
 def test_even_steps_pass_without_a_word() -> None:
@@ -19,7 +20,7 @@ def test_even_steps_pass_without_a_word() -> None:
     np.testing.assert_allclose(grid.t_s, t, rtol=1e-14)
 
 
-@pytest.mark.parametrize("jitter", [0.002, 0.0049])
+@over("jitter", [0.002, 0.0049])
 def test_jitter_within_one_percent_is_taken_as_even(jitter) -> None:
     shift = np.where(np.arange(1000) % 2, jitter, -jitter)  # a step deviates by twice that
     u = np.arange(1000.0)
@@ -87,7 +88,7 @@ def test_a_row_that_a_shaken_clock_lost_does_not_count() -> None:
     assert left_out.size < 10
 
 
-@pytest.mark.parametrize(("ts_s", "decimals"), [(3.328e-4, 4), (1.95e-3, 3), (3e-5, 4)])
+@over("ts_s, decimals", [(3.328e-4, 4), (1.95e-3, 3), (3e-5, 4)])
 def test_times_that_were_rounded_are_taken_as_even(ts_s, decimals) -> None:
     k = np.arange(5000)
     u = np.sin(0.01 * k)
@@ -122,7 +123,7 @@ def test_records_may_differ_in_sampling_time(tmp_path) -> None:
     assert [(r.name, round(r.ts_s, 9)) for r in data.records] == [("fast", 1e-4), ("slow", 1e-2)]
 
 
-@pytest.mark.parametrize("share", [0.002, 0.05, 0.2])
+@over("share", [0.002, 0.05, 0.2])
 def test_stamps_that_are_off_are_kept_as_one_number(share) -> None:
     rng = np.random.default_rng(0)
     t = 1e-3 * (np.arange(5000) + rng.uniform(-share, share, 5000))
@@ -138,7 +139,7 @@ def test_even_stamps_lost_rows_and_a_slow_clock_are_no_jitter() -> None:
         assert to_uniform(t, {"u": t}, "run.csv").jitter_s == 0.0
 
 
-@pytest.mark.parametrize(("ts_s", "decimals"), [(3.328e-4, 4), (1.95e-3, 3), (1.5e-3, 3)])
+@over("ts_s, decimals", [(3.328e-4, 4), (1.95e-3, 3), (1.5e-3, 3)])
 def test_rounding_alone_hides_no_clock(ts_s, decimals) -> None:
     t = ts_s * np.arange(20_000)
     assert to_uniform(np.round(t, decimals), {"u": t}, "run.csv").jitter_s == 0.0

@@ -8,9 +8,8 @@ import numpy as np
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector.chain import run_chain
-from rdpi_gym.envs.vector.core import CoreLanes
-from rdpi_gym.envs.vector.effects import EffectStages
 from rdpi_gym.envs.vector.lanes import WORK, make_lanes
+from rdpi_gym.envs.vector.plants import CoreLanes, EffectStages
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, Plant, empty_state, pack

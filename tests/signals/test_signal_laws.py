@@ -33,6 +33,7 @@ from rdpi_gym.signals import (
     first_order_reversals,
 )
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 COMMON = {"amplitude_um": 12.0, "offset_um": 15.0}
 EXAMPLES: list[Signal] = [
@@ -70,7 +71,7 @@ IDS = [
     f"{signal.name}-{[type(other) for other in EXAMPLES[:i]].count(type(signal))}"
     for i, signal in enumerate(EXAMPLES)
 ]
-every_signal = pytest.mark.parametrize("signal", EXAMPLES, ids=IDS)
+every_signal = over("signal", EXAMPLES)
 
 
 def test_the_examples_cover_every_name():
@@ -221,15 +222,13 @@ def test_a_period_repeats_values_and_rates(signal):
         np.testing.assert_allclose(signal.derivative(later), signal.derivative(t), atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "signal", [s for s in EXAMPLES if not isinstance(s, Sum | Sequence | Measured)]
-)
+@over("signal", [s for s in EXAMPLES if not isinstance(s, Sum | Sequence | Measured)])
 def test_the_signal_stays_within_its_amplitude(signal):
     t = np.linspace(0.0, 6.0, 200_001)
     assert np.abs(signal(t) - signal.offset_um).max() <= signal.amplitude_um * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize(
+@over(
     "signal",
     [
         s
@@ -244,7 +243,7 @@ def test_the_peak_is_the_amplitude(signal):
     assert peak == pytest.approx(signal.amplitude_um, rel=1e-4)
 
 
-@pytest.mark.parametrize("name", ["multisine", "noise", "random-steps", "wiener", "laplace"])
+@over("name", ["multisine", "noise", "random-steps", "wiener", "laplace"])
 def test_a_seed_reproduces_and_another_differs(name):
     t = np.linspace(0.0, 3.0, 301)
     signal = SIGNALS[name](seed=11)
@@ -271,7 +270,7 @@ def test_preview_is_direct_evaluation(signal):
     assert signal.preview(0.5, ts, 0).shape == (0,)
 
 
-@pytest.mark.parametrize(("ts_s", "samples"), [(0.0, 3), (-1e-3, 3), (np.nan, 3), (1e-3, -1)])
+@over("ts_s, samples", [(0.0, 3), (-1e-3, 3), (np.nan, 3), (1e-3, -1)])
 def test_preview_refuses_bad_sampling(ts_s, samples):
     with pytest.raises(InputError, match=r"ts_s|samples"):
         Sine().preview(0.0, ts_s, samples)

@@ -22,6 +22,7 @@ from rdpi_gym.signals import (
     signal_from_dict,
 )
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 NEEDED = {
     "sum": {"parts": (Sine(), make_signal("noise", seed=2))},
@@ -31,7 +32,7 @@ NEEDED = {
 REAL = st.floats(1e-6, 1e6)
 
 
-@pytest.mark.parametrize("name", SIGNALS)
+@over("name", SIGNALS)
 def test_every_name_makes_its_signal_with_defaults(name):
     signal = make_signal(name, **NEEDED.get(name, {}))
     assert type(signal) is SIGNALS[name]
@@ -146,7 +147,7 @@ BAD_FIELDS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "fields", "message"), BAD_FIELDS)
+@over("name, fields, message", BAD_FIELDS)
 def test_bad_input_is_answered_with_one_line(name, fields, message):
     with pytest.raises(InputError) as caught:
         make_signal(name, **fields)
@@ -154,13 +155,13 @@ def test_bad_input_is_answered_with_one_line(name, fields, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("document", [None, [], "sine", {}, {"signal": 3}])
+@over("document", [None, [], "sine", {}, {"signal": 3}])
 def test_a_document_that_is_no_signal_is_refused(document):
     with pytest.raises(InputError, match='its name under "signal"'):
         signal_from_dict(document)
 
 
-@pytest.mark.parametrize("loops", [0, -2])
+@over("loops", [0, -2])
 def test_reversal_curves_need_a_loop(loops):
     with pytest.raises(InputError, match="give 1 loop or more"):
         first_order_reversals(loops)
@@ -184,8 +185,8 @@ def test_a_record_is_read_from_a_file(tmp_path):
     assert signal_from_dict(json.loads(json.dumps(record.to_dict()))) == record
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
+@over(
+    "text, message",
     [
         ("", "has no column 't'"),
         ("t,displacement\n0,1\n1,2\n", "has no column 'y'"),

@@ -26,6 +26,7 @@ from rdpi_gym.signals import (
     WienerProcess,
     first_order_reversals,
 )
+from tests.looping import over
 
 
 def lines_of(signal, frequencies_hz):
@@ -134,7 +135,7 @@ def test_random_steps_fill_the_range_evenly():
     assert np.abs(shares - 2000).max() < 5.0 * np.sqrt(2000)
 
 
-@pytest.mark.parametrize("sweep", ["linear", "logarithmic"])
+@over("sweep", ["linear", "logarithmic"])
 def test_a_chirp_goes_through_its_frequencies_and_stays(sweep):
     chirp = Chirp(start_hz=2.0, stop_hz=32.0, duration_s=4.0, sweep=sweep)
     half = 17.0 if sweep == "linear" else 8.0
@@ -146,7 +147,7 @@ def test_a_chirp_goes_through_its_frequencies_and_stays(sweep):
     np.testing.assert_allclose(1.0 / periods, chirp.instantaneous_hz(middle), rtol=0.03)
 
 
-@pytest.mark.parametrize("sweep", ["linear", "logarithmic"])
+@over("sweep", ["linear", "logarithmic"])
 def test_a_chirp_between_equal_frequencies_is_a_sine(sweep):
     t = np.linspace(0.0, 3.0, 301)
     chirp = Chirp(start_hz=5.0, stop_hz=5.0, duration_s=1.0, sweep=sweep)
@@ -204,7 +205,7 @@ def test_odd_lines_make_the_second_half_the_first_upside_down():
     np.testing.assert_allclose(signal(t + 0.5), -signal(t), atol=1e-12)
 
 
-@pytest.mark.parametrize(("low", "high", "count"), [(0.3, 20.0, 198), (0.0, 5.0, 50)])
+@over("low, high, count", [(0.3, 20.0, 198), (0.0, 5.0, 50)])
 def test_noise_keeps_to_its_band(low, high, count):
     noise = BandLimitedNoise(low_hz=low, high_hz=high, repeat_s=10.0, seed=6)
     assert noise.lines_hz.size == count
@@ -221,7 +222,7 @@ def test_noise_of_many_lines_is_close_to_normal():
     assert 3.0 < noise.crest_factor < 5.0
 
 
-@pytest.mark.parametrize(("process", "kurtosis"), [(WienerProcess, 3.0), (LaplaceProcess, 6.0)])
+@over("process, kurtosis", [(WienerProcess, 3.0), (LaplaceProcess, 6.0)])
 def test_increments_of_the_processes(process, kurtosis):
     """Standard deviation amplitude √(interval / spread); kurtosis of the distribution."""
     grid, count = 1e-3, 100_000
@@ -231,7 +232,7 @@ def test_increments_of_the_processes(process, kurtosis):
     assert np.mean((increments / increments.std()) ** 4) == pytest.approx(kurtosis, rel=0.1)
 
 
-@pytest.mark.parametrize("process", [WienerProcess, LaplaceProcess])
+@over("process", [WienerProcess, LaplaceProcess])
 def test_walks_are_reflected_linear_between_the_grid_and_retraced(process):
     walk = process(interval_s=0.1, spread_s=0.2, duration_s=50.0, seed=9)
     grid = np.arange(501) * 0.1
@@ -243,7 +244,7 @@ def test_walks_are_reflected_linear_between_the_grid_and_retraced(process):
     np.testing.assert_allclose(walk(100.0 - grid), knots, atol=1e-9)
 
 
-@pytest.mark.parametrize("process", [WienerProcess, LaplaceProcess])
+@over("process", [WienerProcess, LaplaceProcess])
 def test_a_longer_walk_goes_on_from_a_shorter_one(process):
     t = np.linspace(0.0, 10.0, 501)
     short, long = process(duration_s=10.0, seed=1), process(duration_s=90.0, seed=1)

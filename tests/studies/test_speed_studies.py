@@ -76,23 +76,6 @@ def test_ten_plays_are_timed_in_every_precision():
     assert "Ten plays with PI take" in as_markdown(table, 1)
 
 
-def test_a_training_does_not_wait_for_its_environment(tmp_path, monkeypatch):
-    pytest.importorskip("stable_baselines3")
-    from studies import training_share
-
-    table = committed("training_share").set_index("case")
-    assert list(table.index) == list(training_share.CASES)
-    assert (table["lanes"] == 256).all()
-    assert (table["share_percent"] < 15.0).all(), table.to_string()
-    monkeypatch.setattr(training_share, "CASES", {"increment": {"action": "increment"}})
-    (row,) = measured(training_share, ["--lanes", "4", "--updates", "1"], tmp_path).to_dict(
-        "records"
-    )
-    assert row["steps"] == 4 * 128
-    assert 0.0 < row["environment_s"] < row["seconds"]
-    assert "| increment | 4 |" in (tmp_path / "training_share.md").read_text()
-
-
 def test_the_native_ppo_is_faster_than_the_reference(tmp_path, monkeypatch):
     pytest.importorskip("torch")
     from studies import training_speed

@@ -11,8 +11,7 @@ import numpy as np
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.references import ReferenceChoice, ReferenceSource, frequency_at
-from rdpi_gym.envs.tasks.changing import ChangingPlant
-from rdpi_gym.envs.tasks.noise import ColouredNoise, NoiseLaw
+from rdpi_gym.envs.tasks.changing import ChangingPlant, ColouredNoise, NoiseLaw
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
 from rdpi_gym.envs.truth import randomise_effects, randomise_plant
 from rdpi_gym.plant import PlantModel

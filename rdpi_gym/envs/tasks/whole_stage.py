@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.envs.tasks.changing import BLOCK
+from rdpi_gym.envs.tasks.changing import BLOCK, NoiseLaw
 from rdpi_gym.envs.tasks.environment import environment_of, environments_of
-from rdpi_gym.envs.tasks.noise import NoiseLaw
 from rdpi_gym.envs.tasks.one_effect import CREEP, LAG, MODE, NOISE_UM, stage
 from rdpi_gym.envs.tasks.task import FIRST, StageTask
 from rdpi_gym.plant import PlantModel, Sensor

@@ -24,17 +24,16 @@ from rdpi_gym.envs.vector.lanes import (
     Law,
     Shown,
     Sources,
-)
-from rdpi_gym.envs.vector.noise import begin_noise
-from rdpi_gym.envs.vector.random import (
     Words,
+)
+from rdpi_gym.envs.vector.random import (
+    begin_noise,
     draw_reference,
     next_seed,
     next_uniform,
     seed_generator,
 )
-from rdpi_gym.envs.vector.sines import sample_references
-from rdpi_gym.envs.vector.waves import Drawn, begin_waves
+from rdpi_gym.envs.vector.waves import Drawn, begin_waves, sample_references
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array
 

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv, read_options
-from rdpi_gym.envs.vector.lanes import Flags, Floats32, Integers
-from rdpi_gym.envs.vector.random import Words
-from rdpi_gym.envs.vector.space import UnitBoxes
+from rdpi_gym.envs.unit_box import UnitBoxes
+from rdpi_gym.envs.vector.lanes import Flags, Floats32, Integers, Words
 from rdpi_gym.envs.vector.task import VectorTask
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array

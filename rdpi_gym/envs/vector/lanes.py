@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector.chain import Table
-from rdpi_gym.envs.vector.random import Words
 from rdpi_gym.support.arrays import Array
 
 Floats32: TypeAlias = NDArray[np.float32]
 Flags: TypeAlias = NDArray[np.bool_]
 Integers: TypeAlias = NDArray[np.int64]
+Words: TypeAlias = NDArray[np.uint64]
 
 # Rows of Lanes.numbers.
 BEGUN = 0  # step of the environment at which the episode began

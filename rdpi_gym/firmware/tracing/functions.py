@@ -79,7 +79,7 @@ def apply_ufunc(
             f"{here()} puts numbers that are known only as it runs into a NumPy array; make it with np.empty_like"
         )
     if ufunc is np.matmul:
-        return _matmul(inputs[0], inputs[1], target)
+        return _matmul(*inputs)
     kind, expression, cast = _expression(ufunc, inputs, recording_of(*inputs, target))
     if where is True:
         return compute(kind, expression, *inputs, out=target, cast=cast)
@@ -182,7 +182,7 @@ def _clip(a: Operand, low: Operand, high: Operand, out: Traced | None = None) ->
     )
 
 
-def _matmul(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
+def _matmul(a: Operand, b: Operand) -> Traced:
     recording = recording_of(a, b)
     left = a if isinstance(a, Traced) else np.asarray(a, dtype=np.float64)
     right = b if isinstance(b, Traced) else np.asarray(b, dtype=np.float64)
@@ -193,22 +193,12 @@ def _matmul(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
         raise InputError(f"{here()}: a product of stacks of matrices has no C")
     if rows.shape[1] > 1:
         recording.is_inexact(_ANOTHER_ORDER)
-    products = _products(recording, rows, columns)
-    found = products.reshape(shape)
-    if out is None:
-        return found
-    assign(out, found)
-    return out
+    return _products(recording, rows, columns).reshape(shape)
 
 
 def _products(recording: Recording, rows: Any, columns: Any | None) -> Traced:
     """Write a product of two matrices, or without the second sums over rows: terms in their order."""
-    height, inner = rows.shape
-    width = 1 if columns is None else columns.shape[1]
-    if inner == 0:
-        nothing = recording.array((height, width))
-        assign(nothing, 0.0)
-        return nothing
+    height, width = len(rows), 1 if columns is None else columns.shape[1]
     if height == width == 1:
         out = Traced(Store(recording, recording.tape.fresh(), 1), np.zeros((1, 1), dtype=np.int64))
     else:
@@ -324,10 +314,10 @@ def _at_least(array: Any, ndim: int) -> Any:
     return array.reshape((1,) * max(ndim - array.ndim, 0) + array.shape)
 
 
-def _outer(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
+def _outer(a: Operand, b: Operand) -> Traced:
     column = a.reshape(-1, 1) if isinstance(a, Traced) else np.asarray(a).reshape(-1, 1)
     row = b.reshape(1, -1) if isinstance(b, Traced) else np.asarray(b).reshape(1, -1)
-    return compute("real", lambda x, y: f"{x} * {y}", column, row, out=out)
+    return compute("real", lambda x, y: f"{x} * {y}", column, row)
 
 
 def _split(ary: Traced, indices_or_sections: Any, axis: int = 0) -> list[Traced]:
@@ -342,16 +332,12 @@ def _like(a: Operand, value: float | None, dtype: Any = None, shape: Any = None)
     return found
 
 
-def _folded(one: str, all_of: bool) -> Callable[..., Traced]:
+def _folded(one: str) -> Callable[..., Traced]:
     """Return what reduces flags or numbers by a text from two."""
 
     def reduce(a: Traced, axis: int | None = None, **_: Any) -> Traced:
         array, axis = _axis(a, axis)
-        if all_of and array.kind != "bool":
-            array = compute("bool", lambda x: f"{x} != RDPI_C(0.0)", array)
         along = _moved_first(array, axis)
-        if len(along) == 0:
-            raise InputError(f"{here()} reduces an array of no elements")
         if len(along) == 1:
             return along[0] if along.ndim > 1 else along.reshape(())
         if along.size == len(along) and len(along) > 3:
@@ -412,10 +398,10 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
 METHODS: dict[str, Callable[..., Any]] = {
     "sum": _sum,
     "cumsum": _cumsum,
-    "any": _folded("{} || {}", True),
-    "all": _folded("{} && {}", True),
-    "max": _folded("rdpi_max({}, {})", False),
-    "min": _folded("rdpi_min({}, {})", False),
+    "any": _folded("{} || {}"),
+    "all": _folded("{} && {}"),
+    "max": _folded("rdpi_max({}, {})"),
+    "min": _folded("rdpi_min({}, {})"),
     "clip": _clip,
     "copy": copy_of,
     "fill": assign,

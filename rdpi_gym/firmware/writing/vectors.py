@@ -41,7 +41,7 @@ def vectors(source: Source, samples: int = SAMPLES, lanes: int = 1, seed: int = 
     if program.kind == "plant":
         low, high = program.command_range_V
         command = _signals(rng, samples, lanes, low, high, 0.5 * (low + high), 0.5 * (high - low))
-        return Vectors({"command_V": command}, program.twin.plant(command))
+        return Vectors({"command_V": command}, program.twin(command))
     low, high = source.reach_um or _around(program.centre_um, program.scale_um)
     reference = _signals(
         rng, samples + program.preview, lanes, low, high, program.centre_um, program.scale_um
@@ -54,7 +54,7 @@ def vectors(source: Source, samples: int = SAMPLES, lanes: int = 1, seed: int = 
             for each in (reference, measured)
         )
     inputs = {"reference_um": reference, "measured_um": measured}
-    return Vectors(inputs, program.twin.controller(reference, measured))
+    return Vectors(inputs, program.twin(reference, measured))
 
 
 def unit_of(source: Source, made: Vectors) -> float:
@@ -260,6 +260,5 @@ def _margin(growth: float) -> float:
 def _growth(source: Source, made: Vectors, bit: float) -> float:
     rng = np.random.default_rng(_SEED)
     inputs = [x * (1.0 + bit * rng.uniform(-1.0, 1.0, x.shape)) for x in made.inputs.values()]
-    twin = source.program.twin
-    found = twin.plant(*inputs) if source.program.kind == "plant" else twin.controller(*inputs)
+    found = source.program.twin(*inputs)
     return float(np.abs(found - made.expected).max() / unit_of(source, made) / bit)

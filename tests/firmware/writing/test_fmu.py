@@ -17,8 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rdpi_gym.envs.tasks import named_task
-from rdpi_gym.firmware.making import controller_program
-from rdpi_gym.firmware.plants import plant_program
+from rdpi_gym.firmware.making import controller_program, plant_program
 from rdpi_gym.firmware.writing.fmu import (
     binary_place,
     fmu_sources,
@@ -92,10 +91,10 @@ def records(programs):
     y = r[:N] + 0.05 * rng.normal(size=N)
     ahead = [r[j : N + j] for j in range(1, controller.preview + 1)]
     return {
-        "plant": ([u], plant.twin.plant(u[:, None])[:, 0], plant.scale_um),
+        "plant": ([u], plant.twin(u[:, None])[:, 0], plant.scale_um),
         "controller": (
             [r[:N], y, *ahead],
-            controller.twin.controller(r[:, None], y[:, None])[:, 0],
+            controller.twin(r[:, None], y[:, None])[:, 0],
             high - low,
         ),
     }
@@ -312,11 +311,11 @@ def test_a_loop_of_two_is_the_loop_of_python(written, fmi):
     for made in (plant, controller):
         made.terminate()
         made.freeInstance()
-    expected = program.twin.controller(r[:, None], y[:, None])[:, 0]
+    expected = program.twin(r[:, None], y[:, None])[:, 0]
     assert u[0] == program.rest_V
     assert np.abs(u[1:] - expected).max() <= 1e-12 * np.ptp(program.command_range_V)
     plant_twin = written["plant", fmi].program.twin
-    assert np.abs(y - plant_twin.plant(u[:N, None])[:, 0]).max() <= 1e-12 * program.scale_um
+    assert np.abs(y - plant_twin(u[:N, None])[:, 0]).max() <= 1e-12 * program.scale_um
     assert np.abs(y[50:] - r[50:N]).max() < 0.2 * program.scale_um
 
 

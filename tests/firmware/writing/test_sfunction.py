@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rdpi_gym.firmware.making import controller_program
-from rdpi_gym.firmware.plants import plant_program
+from rdpi_gym.firmware.making import controller_program, plant_program
 from rdpi_gym.firmware.writing.package import sfunction_text
 from rdpi_gym.plant import named_plant
 from tests.firmware.programs import COMPILERS, STRICT, c_of
@@ -52,7 +51,7 @@ def test_a_plant_answers_at_once_and_its_state_advances_once(programs, tmp_path)
     u = 15.0 * np.sin(0.1 * np.arange(400)) + np.random.default_rng(1).normal(size=400)
     head, rows = answers(built(tmp_path, plant), [u])
     assert head == f"{TS:.17g} 1"
-    assert np.abs(rows[:, 0] - plant.twin.plant(u[:, None])[:, 0]).max() <= 1e-12 * plant.scale_um
+    assert np.abs(rows[:, 0] - plant.twin(u[:, None])[:, 0]).max() <= 1e-12 * plant.scale_um
     assert not rows[:, 1:].any()
 
 
@@ -63,7 +62,7 @@ def test_a_controller_answers_at_the_next_sample(programs, tmp_path):
     r = controller.centre_um + controller.scale_um * shape
     y = r[:n] + 0.05 * rng.normal(size=n)
     ahead = [r[j : n + j] for j in range(1, controller.preview + 1)]
-    u = controller.twin.controller(r[:, None], y[:, None])[:, 0]
+    u = controller.twin(r[:, None], y[:, None])[:, 0]
     low, high = controller.command_range_V
     for flags in ((), ("-fsanitize=address,undefined", "-fno-sanitize-recover")):
         head, rows = answers(built(tmp_path, controller, None, *flags), [r[:n], *ahead, y])

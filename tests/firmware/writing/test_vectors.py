@@ -48,18 +48,16 @@ def test_every_number_reads_back_as_it_was():
     assert found == made.expected[:, 0].tolist()
 
 
-class Unstable:
+def unstable(reference_um, measured_um):
     """u(k+1) = 1.5 u(k) + r(k+1), wrapped into the range: roundings grow."""
-
-    def controller(self, reference_um, measured_um):
-        u = np.zeros_like(measured_um)
-        for k in range(1, len(u)):
-            u[k] = (1.5 * u[k - 1] + reference_um[k + 1] + 25.0) % 50.0 - 25.0
-        return u
+    u = np.zeros_like(measured_um)
+    for k in range(1, len(u)):
+        u[k] = (1.5 * u[k - 1] + reference_um[k + 1] + 25.0) % 50.0 - 25.0
+    return u
 
 
 def test_what_makes_much_of_roundings_is_told_so():
-    calm, wild = (Source(replace(CONTROLLER, twin=t)) for t in (CONTROLLER.twin, Unstable()))
+    calm, wild = (Source(replace(CONTROLLER, twin=t)) for t in (CONTROLLER.twin, unstable))
     assert Roundings.of(calm, vectors(calm)).fine < ROUGH / 3
     assert Roundings.of(calm, vectors(calm)).warning is None
     found = Roundings.of(wild, vectors(wild))
