@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -16,16 +16,15 @@ from baselines import make_controller
 from benchmarks.payoff.beliefs import BELIEFS, HiddenPlant
 from benchmarks.rows import complete, print_note
 from benchmarks.tracking.case import Case
-from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
+from benchmarks.tracking.episode import microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint
 from benchmarks.tracking.leaderboard import COLUMNS as SCORES
-from benchmarks.tracking.scoring import score, status
-from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, Stage, make_stage
+from benchmarks.tracking.scoring import score_lane
+from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, make_stage
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, PlantModel
-from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
 
@@ -135,7 +134,7 @@ def run_task(task: Task) -> list[Row]:
     """Score one compensator with one belief on one plant."""
     stage, cases = make_stage(task.hidden.plant, [TS_S]), payoff_cases()
     layout = ObservationLayout.for_plant(stage.plant, TS_S, preview=PREVIEW)
-    references = _references(cases, layout, stage, task.seed)
+    references = stage.references([(case, task.seed) for case in cases], TS_S, PREVIEW)
     belief = limit_band(task.belief, RATE_BANDWIDTH_HZ)
     timed = microseconds_per_sample(
         make_controller(task.controller, belief, layout), stage.plant, layout, references[:, 0]
@@ -155,25 +154,9 @@ def run_task(task: Task) -> list[Row]:
     rows = []
     for lane, case in enumerate(cases):
         named = {"reference": case.reference, "frequency_hz": case.frequency_hz}
-        scores = _scores(case, references[:, lane], taken, lane, warning_of(controller))
+        scored, said = score_lane(
+            case, TS_S, references, taken, lane, warning=warning_of(controller), identified_V_s=None
+        )
+        scores = {**asdict(scored), "status": said}
         rows.append({"key": task.key(case), **common, **named, **scores})
     return rows
-
-
-def _references(cases: Sequence[Case], layout: ObservationLayout, stage: Stage, seed: int) -> Array:
-    """Every reference, going on for a preview: where it ended it would be held, a corner."""
-    centre, rest = layout.centre_um, stage.rest_um
-    longer = [replace(case, periods=case.periods + 1) for case in cases]
-    columns = [case.samples(TS_S, centre, rest, seed) for case in longer]
-    length = max(case.window(TS_S)[1] for case in cases) + PREVIEW
-    held = [np.pad(r, (0, max(length - len(r), 0)), mode="edge")[:length] for r in columns]
-    return np.stack(held, axis=1)
-
-
-def _scores(case: Case, reference: Array, taken: Recording, lane: int, warning: str | None) -> Row:
-    first, end = case.window(TS_S)
-    parts = (reference, taken.displacement_um[:, lane], taken.command_V[:, lane])
-    r, y, u = (part[:end] for part in parts)
-    scored = score(r, y, u, taken.action[:end, lane], first=first, ts_s=TS_S)
-    said = status(scored, r[first:], warning=warning, ts_s=TS_S, identified_V_s=None)
-    return {**asdict(scored), "status": said}

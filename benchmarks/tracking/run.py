@@ -24,7 +24,7 @@ from benchmarks.tracking.case import Case
 from benchmarks.tracking.controllers import Made
 from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import ERROR, one_line, score, status, words
+from benchmarks.tracking.scoring import ERROR, one_line, score_lane, words
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
 from rdpi_gym.envs import ObservationLayout
@@ -117,7 +117,7 @@ def _run(task: Task) -> list[Row]:
     usual = ObservationLayout.for_plant(plant, task.ts_s)
     layout = task.stage.layout(task.ts_s, _controller(task, usual, truths))
     layout = task.factory.layout if isinstance(task.factory, Made) else layout
-    references = _references(task)
+    references = task.stage.references([(x.case, x.seed) for x in lanes], task.ts_s)
     timed = microseconds_per_sample(
         _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
     )
@@ -130,7 +130,7 @@ def _run(task: Task) -> list[Row]:
     rows = []
     for b, lane in enumerate(lanes):
         row = _row(task, lane) | {"microseconds_per_sample": timed}
-        rows.append(row | _scores(task, lane, references[:, b], recording, b, warning))
+        rows.append(row | _scores(task, lane, references, recording, b, warning))
     return rows
 
 
@@ -145,37 +145,24 @@ def _belief(task: Task) -> PlantModel:
     return task.stage.belief(task.controller)
 
 
-def _references(task: Task) -> Array:
-    centre = task.stage.plant.reference_um[0]
-    rest = task.stage.rest_um
-    columns = [lane.case.samples(task.ts_s, centre, rest, lane.seed) for lane in task.lanes]
-    longest = max(map(len, columns))
-    held = [np.pad(column, (0, longest - len(column)), mode="edge") for column in columns]
-    return np.stack(held, axis=1)
-
-
 def _scores(
-    task: Task, lane: Lane, reference: Array, recording: Recording, b: int, warning: str | None
+    task: Task, lane: Lane, references: Array, recording: Recording, b: int, warning: str | None
 ) -> Row:
     first, end = lane.case.window(task.ts_s)
-    parts = (
-        reference,
-        recording.displacement_um[:, b],
-        recording.command_V[:, b],
-        recording.action[:, b],
-    )
-    r, y, u, action = (part[:end] for part in parts)
-    bad = ~np.isfinite(action)
+    bad = ~np.isfinite(recording.action[:end, b])
     if bad.any():
         return {
             "status": f"{ERROR}: the controller's action at sample {int(np.argmax(bad))} is not finite"
         }
-    scored = score(r, y, u, action, first=first, ts_s=task.ts_s)
     limit = largest_rate_V_s(task.stage.plant)
-    said = status(scored, r[first:], warning=warning, ts_s=task.ts_s, identified_V_s=limit)
+    scored, said = score_lane(
+        lane.case, task.ts_s, references, recording, b, warning=warning, identified_V_s=limit
+    )
     row: Row = {**asdict(scored), "status": said}
     if lane.keep_trace:
-        row["trace"] = _trace(r[first:], y[first:], u[first:], task.ts_s, lane.case)
+        parts = (references, recording.displacement_um, recording.command_V)
+        r, y, u = (part[first:end, b] for part in parts)
+        row["trace"] = _trace(r, y, u, task.ts_s, lane.case)
     return row
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.tracking.case import Case
+from benchmarks.tracking.episode import Recording
 from benchmarks.tracking.stages import COVERED
 from rdpi_gym.support.arrays import Array
 
@@ -117,6 +119,25 @@ def status(
         scored, reference_um, warning=warning, ts_s=ts_s, identified_V_s=identified_V_s
     )
     return "; ".join(map(str, found)) or "ok"
+
+
+def score_lane(
+    case: Case,
+    ts_s: float,
+    references_um: Array,
+    recording: Recording,
+    lane: int,
+    *,
+    warning: str | None,
+    identified_V_s: float | None,
+) -> tuple[Score, str]:
+    """Score one lane of a recording, and say its status."""
+    first, end = case.window(ts_s)
+    parts = (references_um, recording.displacement_um, recording.command_V, recording.action)
+    r, y, u, action = (part[:end, lane] for part in parts)
+    scored = score(r, y, u, action, first=first, ts_s=ts_s)
+    said = status(scored, r[first:], warning=warning, ts_s=ts_s, identified_V_s=identified_V_s)
+    return scored, said
 
 
 def one_line(text: object) -> str:

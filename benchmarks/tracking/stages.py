@@ -16,6 +16,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.plugins import modules_of
 
 SUITE_VERSION = 2
@@ -110,6 +111,19 @@ class Stage:
         """Return the cases that suit Ts (s)."""
         every = cases(references, self.plant.reference_um[1], self.base_hz)
         return tuple(case for case in every if case.fits(ts_s))
+
+    def references(self, lanes: Sequence[tuple[Case, int]], ts_s: float, ahead: int = 0) -> Array:
+        """Return the references (µm) of cases and seeds side by side, ``(K, B)``, held at their end.
+
+        With samples `ahead` each goes on for as many: where it ended it would be held, a corner.
+        """
+        length = max(case.window(ts_s)[1] for case, _ in lanes) + ahead
+        columns = []
+        for case, seed in lanes:
+            longer = replace(case, periods=case.periods + 1) if ahead else case
+            r = longer.samples(ts_s, self.plant.reference_um[0], self.rest_um, seed)[:length]
+            columns.append(np.pad(r, (0, length - len(r)), mode="edge"))
+        return np.stack(columns, axis=1)
 
     def covers(self, case: Case, ts_s: float) -> bool:
         """Whether the plant was identified at rates like those of a reference over A.

@@ -77,7 +77,7 @@ SeedOption: TypeAlias = Annotated[
 
 @contextmanager
 def as_typed(flags: Mapping[str, str]) -> Iterator[None]:
-    """Let an error that begins with a keyword of the face begin with the option that was typed.
+    """Name the option that was typed where an error begins with the keyword of a function.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from rdpi_gym.support.progress import progress_bar
 
 
 class Algorithm(StrEnum):
-    """What can be trained with."""
+    """Learning algorithms."""
 
     ppo = "ppo"
     sac = "sac"
@@ -186,7 +186,7 @@ def tune(
 
 
 class Action(StrEnum):
-    """How the environment reads actions."""
+    """Meanings of an action."""
 
     command = "command"
     increment = "increment"

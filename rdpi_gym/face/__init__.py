@@ -1,4 +1,4 @@
-"""What ``import rdpi_gym as rg`` gives: one function a task, and results that show themselves.
+"""Public functions of ``import rdpi_gym as rg``: one a task, and results that display themselves.
 
 Each file holds one task and its result: a result of the rooms below that also prints, draws, saves
 and goes on. Nothing here computes.

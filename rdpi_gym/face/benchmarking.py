@@ -399,7 +399,7 @@ def track(
     preview: int = PREVIEW,
     seed: int = 0,
 ) -> Tracking:
-    """Let a controller follow a reference on a plant, from rest at the command nearest 0 V.
+    """Track a reference on a plant with a controller, from rest at the command nearest 0 V.
 
     As in :func:`benchmark`, the rate of plant and belief has a cut-off of 800 Hz at most: no sampled
     command follows the literal rate of Eq. 5.

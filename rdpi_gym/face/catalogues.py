@@ -145,7 +145,7 @@ class Effects(Catalogue[type[Effect]]):
         )
 
     def describe(self, name: str) -> list[str]:
-        """Say in paragraphs what an effect is, what causes it, and what to do about it.
+        """Describe an effect in paragraphs: its cause, its signature, its remedy.
 
         Raises
         ------

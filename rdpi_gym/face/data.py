@@ -46,7 +46,7 @@ class Dataset(DisplayMixin, measurement.Dataset):
 
     @property
     def summary(self) -> str:
-        """How many records there are, of how many samples, and what they are used for."""
+        """Number of records and samples, and their use."""
         samples = sum(record.t_s.size for record in self.records)
         fitted, judged = len(self.train), len(self.validation)
         split = (

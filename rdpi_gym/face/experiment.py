@@ -58,7 +58,7 @@ class PlannedExperiment:
 
     @property
     def seconds(self) -> float:
-        """How long it takes (s)."""
+        """Duration (s)."""
         return self.t_s.size / self.rate_hz
 
     def __repr__(self) -> str:

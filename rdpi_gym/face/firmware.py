@@ -25,7 +25,7 @@ TS_S = 5e-5
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export wrote.
+    """Files of an export.
 
     Parameters
     ----------

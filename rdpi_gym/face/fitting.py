@@ -371,7 +371,7 @@ class KindChoice(DisplayMixin, kinds.KindChoice):
 
     @property
     def quantities(self) -> measurement.Quantities:
-        """What was measured."""
+        """Measured quantities and their units."""
         return self.chosen.quantities
 
     def _lines(self) -> Sequence[str]:

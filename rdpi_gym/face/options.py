@@ -1,4 +1,4 @@
-"""What a user says about data, and asks of a search: options of functions and commands alike."""
+"""Options of data and of searches, for functions and commands alike."""
 
 from __future__ import annotations
 

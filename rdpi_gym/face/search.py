@@ -41,7 +41,7 @@ Own = tuple[type[Effect], ...]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchResult(DisplayMixin, results.SearchResult):
-    """What a search for missing effects found, with its data: it goes on from here.
+    """Result of a search for missing effects, with its data, from which it continues.
 
     Everything that :class:`rdpi_gym.diagnosis.results.SearchResult` is, and it shows itself.
 
@@ -183,7 +183,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
 
     @property
     def overview_title(self) -> str:
-        """What :meth:`overview` shows."""
+        """Title of :meth:`overview`."""
         if self.kind == "diagnosis":
             without = self._quantities().fill(in_output(self.base.validation_rmse_um))
             return f"Candidates, refitted; without one {without}"

@@ -399,7 +399,7 @@ def tune(
 
 @checked
 def certificate(controller: str, task: str = "Stage") -> str:
-    """Say what is certain of a controller's loop on what a task believes, before it drives anything.
+    """Certify the stability of a controller's loop on the belief of a task, before it drives anything.
 
     Parameters
     ----------

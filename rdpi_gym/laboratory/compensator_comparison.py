@@ -1,4 +1,4 @@
-"""What a belief buys: how well compensators track with the base model, and with the present one."""
+"""Comparison of compensators: tracking errors with the base model and with the present one."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def payoff(
     step: str,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Let every compensator track a reference, with the belief before and with the one after.
+    """Track a reference with every compensator, with the belief before and with the one after.
 
     The present model is the plant that they drive, so this is its own answer.
     """

@@ -1,4 +1,4 @@
-"""Data files of a session: taken in under a safe name, read, and what is said of them beside them."""
+"""Import of data files into a session: safe names, reading, settings, and previews."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _LINE, _COLUMN = re.compile(r"\bline (\d+)"), re.compile(r"\bcolumn (\w+)")
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with a file: one line, and the place that it names."""
+    """Fault of a file: one line, and the place that it names."""
 
     line: str
     row: int | None
@@ -56,7 +56,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Read:
-    """What the files of a session hold.
+    """Records and faults of the files of a session.
 
     Parameters
     ----------
@@ -461,7 +461,7 @@ def _units(
 
 
 def _has(columns: Sequence[Column], other: Path, separator: str, matlab: MatlabReader) -> bool:
-    """Whether another file offers the same columns."""
+    """Return whether another file has the same columns."""
     try:
         return _head(other, separator, matlab).columns == columns
     except InputError:

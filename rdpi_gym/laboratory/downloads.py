@@ -1,4 +1,4 @@
-"""What a user takes home from a session."""
+"""Downloads of a session: model, report, notebook, log, settings, next experiment."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ for step, (train_um, validation_um) in laboratory.items():
 
 @dataclass(frozen=True)
 class Repeated:
-    """What repeats a step.
+    """Code that repeats a step.
 
     Parameters
     ----------
@@ -265,8 +265,8 @@ _DRAWN = 800  # samples of the next experiment that the page draws
 
 
 @dataclass(frozen=True)
-class Taken:
-    """A file to take home.
+class Download:
+    """A file to download.
 
     Parameters
     ----------
@@ -283,13 +283,13 @@ class Taken:
     content: bytes
 
 
-def take(session: Session, name: str, rate_hz: float | None = None) -> Taken:
-    """Return a file to take home."""
+def download(session: Session, name: str, rate_hz: float | None = None) -> Download:
+    """Return a file to download."""
     if name not in FILES:
         raise InputError(f"{quoted(name)} cannot be taken home; there are {', '.join(FILES)}")
     media_type, make = FILES[name]
     text = _experiment(session, rate_hz) if make is None else make(session)
-    return Taken(name, media_type, text.encode())
+    return Download(name, media_type, text.encode())
 
 
 def _present(session: Session) -> Step:
@@ -385,4 +385,4 @@ FILES: Mapping[str, tuple[str, Callable[[Session], str] | None]] = {
     "dataset.toml": ("application/toml", _settings),
     "experiment.csv": ("text/csv; charset=utf-8", None),
 }
-"""Files to take home, each with what it is."""
+"""Files to download, with their media types and writers."""

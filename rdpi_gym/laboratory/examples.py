@@ -1,4 +1,4 @@
-"""What there is to try the laboratory on: exercises with hidden effects, and measured records."""
+"""Examples of the laboratory: exercises with hidden effects, and measured records."""
 
 from __future__ import annotations
 

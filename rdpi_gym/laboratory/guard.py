@@ -1,4 +1,4 @@
-"""Who may ask the server: this machine alone, with the token of the address, from our own page."""
+"""Access control of the server: this machine alone, with the token of the address, from our own page."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def add(
 
 
 def payoff(tell: Tell, **asked: Any) -> dict[str, Any]:
-    """Let compensators track a reference with two beliefs."""
+    """Compare compensators on a reference with two beliefs."""
     return compensator_comparison.payoff(**asked, progress=tell.progress)
 
 

@@ -353,7 +353,7 @@ class Lab(Models):
         return self.state()
 
     async def hold(self, effect: str, parameter: str, held: bool) -> dict[str, Any]:
-        """Let refits leave a parameter alone, or not any more."""
+        """Hold a parameter in refits, or release it."""
         step = self._current()
         name = self._parameter(step.plant, effect, parameter)
         others = tuple(each for each in step.held if each != name)

@@ -1,4 +1,4 @@
-"""How the laboratory is opened: from the command line, and from a notebook."""
+"""Start of the laboratory from the command line and from a notebook."""
 
 from __future__ import annotations
 

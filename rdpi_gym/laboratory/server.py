@@ -42,7 +42,7 @@ Action = Callable[["Lab", Mapping[str, Any]], Awaitable[dict[str, Any]]]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a server listens.
+    """Address of a server.
 
     Parameters
     ----------
@@ -246,13 +246,15 @@ class Server:
         return endpoint
 
     async def _take(self, request: Request) -> Response:
-        from rdpi_gym.laboratory.downloads import take
+        from rdpi_gym.laboratory.downloads import download
 
         rate = request.query_params.get("rate_hz")
         try:
             lab = await self._ready()
             rate_hz = None if rate is None else _number(request.query_params, "rate_hz")
-            taken = await asyncio.to_thread(take, lab.session, request.path_params["name"], rate_hz)
+            taken = await asyncio.to_thread(
+                download, lab.session, request.path_params["name"], rate_hz
+            )
         except InputError as error:
             return JSONResponse({"problem": error.fact}, 400)
         return Response(

@@ -1,4 +1,4 @@
-"""What was done in the laboratory: a journal, and the steps and rankings that it folds into."""
+"""Session of the laboratory: an append-only log, and the steps and rankings that it folds into."""
 
 from __future__ import annotations
 
@@ -249,7 +249,7 @@ class Session:
 
     @property
     def data_folder(self) -> Path:
-        """Where the data files of the session are, with their ``dataset.toml``."""
+        """Folder of the data files of the session, with their ``dataset.toml``."""
         return self.folder / DATA_FOLDER
 
     @property
@@ -340,7 +340,7 @@ class Session:
             self._fold_on(self.step(event["step"]).id, event)
 
     def _fold_on(self, step: str, event: Event) -> None:
-        """Let what was done on a step take effect."""
+        """Apply an event of a step."""
         before = self.rankings.get(step, Ranking(step))
         if event["do"] == "refit":
             refit = event["refit"]

@@ -1,4 +1,4 @@
-"""What a server works with: its session, the job that runs, and what goes on behind."""
+"""A session with its running job, its models and its listeners."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Events:
             asyncio.get_running_loop().call_later(_OFTEN_S, self._tell)
 
     def close(self) -> None:
-        """Let all listeners go."""
+        """Disconnect all listeners."""
         for queue in self._listeners:
             queue.put_nowait(None)
 
@@ -87,7 +87,7 @@ class Events:
 
 @dataclass
 class Job:
-    """What a worker does just now."""
+    """The task that a worker runs."""
 
     id: str
     what: str
@@ -434,7 +434,7 @@ class Models(SessionJobs):
 
 
 def _sentence(validation_um: float, found: face.Comparison | face.ModelComparison) -> str:
-    """Say how much is left, and where most of it is."""
+    """State the residual error, and the records with most of it."""
     assert isinstance(found, face.Comparison)
     floor = found.noise_floor_um
     error = in_output(validation_um)

@@ -1,4 +1,4 @@
-"""The whole state of a session, as the page is told of it."""
+"""State of a session as JSON for the page."""
 
 from __future__ import annotations
 

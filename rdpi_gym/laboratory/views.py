@@ -1,4 +1,4 @@
-"""What the page is told of records and models: numbers to draw, thinned, and cards."""
+"""Views of records, models and residuals as numbers for the page, and cards of candidates."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _RESERVE_S = (
 
 @dataclass(frozen=True)
 class Tell:
-    """What a task calls while it works.
+    """Callbacks of a task.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Worker:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the process runs."""
+        """True while the process runs."""
         return self._process.poll() is None
 
     def begin(self, task: Task, arguments: dict[str, Any], listener: Listener) -> None:

@@ -281,7 +281,7 @@ def candidate_sections(result: SearchResult) -> list[Section]:
 
 
 def _evidence(result: SearchResult) -> list[Section]:
-    """Say what speaks for each candidate of a diagnosis; a discovery says it of what it added."""
+    """Return the evidence for each candidate of a diagnosis; of a discovery it is in the summary."""
     if result.kind != "diagnosis":
         return []
     said = [c for c in result.candidates if c.evidence and c.share > 0]

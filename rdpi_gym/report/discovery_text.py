@@ -51,7 +51,7 @@ def _how_sure(candidate: Candidate, chances: Probabilities | None) -> str:
 
 
 def chances_sentence(result: SearchResult) -> str:
-    """Say what else is probable, beside what was added; empty where nothing is known of that."""
+    """State further probable effects; empty where no probabilities are known."""
     chances = result.probabilities
     if chances is None:
         return ""
@@ -70,7 +70,7 @@ def _percent(chance: float) -> str:
 
 
 def lines(result: SearchResult) -> list[str]:
-    """Say the result: the answer, how sure it is, what is left, and what would tell more."""
+    """Return the result in lines: answer, confidence, residual, next experiment."""
     next_experiment = result.next_experiment and f"Next experiment: {result.next_experiment}"
     undecided = result.undecided is not None
     said = [

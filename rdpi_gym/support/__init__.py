@@ -1,1 +1,1 @@
-"""What every room may use: errors, arrays, files, the store of rows, parallel runs, words."""
+"""Common tools: errors, arrays, files, the store of rows, parallel runs, wording."""

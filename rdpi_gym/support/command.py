@@ -1,4 +1,4 @@
-"""How a command ends: 0, or one line and the status that goes with it, never a traceback."""
+"""Run of a command: status 0, or one line and its status, never a traceback; Ctrl-C in one line."""
 
 from __future__ import annotations
 

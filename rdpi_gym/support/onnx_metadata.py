@@ -1,4 +1,4 @@
-"""What an exported ONNX file says of itself."""
+"""Description in the metadata of an exported ONNX file."""
 
 from __future__ import annotations
 

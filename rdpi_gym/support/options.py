@@ -24,7 +24,7 @@ _KEY = "option"
 
 @dataclass(frozen=True)
 class Option:
-    """How a command writes one field of the options.
+    """Form of one field of the options on the command line.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How every sweep runs its cases: processes here, or the nodes of a Ray cluster."""
+"""Parallel runs of cases: in processes, or on the nodes of a Ray cluster."""
 
 from __future__ import annotations
 

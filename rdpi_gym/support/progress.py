@@ -1,4 +1,4 @@
-"""How far a long job is: the call that reports it, and the one bar that shows it."""
+"""Progress of long jobs: the callback and the bar."""
 
 from __future__ import annotations
 

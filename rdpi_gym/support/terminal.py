@@ -1,4 +1,4 @@
-"""What reaches a terminal: text alone, in any encoding, whatever stands in titles and names.
+"""Safe terminal output: text alone, in any encoding, whatever titles and names contain.
 
 Inside :func:`plain_output` whatever is printed has its control characters written as escapes. Colours
 and bars come from :func:`console`, the only writer that goes past this; it takes them from no text.

@@ -17,14 +17,13 @@ from baselines.learned.options import PLANTS, TrainingOptions
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.episode import record
 from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import ERROR, Score, one_line, score, status, words
+from benchmarks.tracking.scoring import ERROR, Score, one_line, score_lane, words
 from benchmarks.tracking.stages import NOISE_UM, Stage, cases, largest_rate_V_s, make_stage
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import randomise_effects, randomise_plant
 from rdpi_gym.plant import P10, PlantModel, Sensor, find_plant
 from rdpi_gym.plant.effects import Effect
-from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, named_rows
@@ -244,37 +243,22 @@ def _run(run: Run) -> list[Row]:
     controller = make_controller(run.contestant.controller, belief, layout)
     lanes = [(seed, case) for seed in range(run.plants) for case in wanted]
     truths = [run.world.truth(seed) for seed in range(run.plants)]
-    references = _references(run, lanes, layout.preview)
+    ordered = [(case, seed) for seed, case in lanes]
+    references = stage.references(ordered, TS_S, layout.preview)
     rngs = [np.random.default_rng([seed, i]) for i, (seed, _) in enumerate(lanes)]
     taken = record(controller, [truths[seed] for seed, _ in lanes], layout, references, rngs)
     warning, limit = warning_of(controller), largest_rate_V_s(stage.plant)
     scores: list[list[Score]] = [[] for _ in truths]
     said: list[list[str]] = [[] for _ in truths]
     for lane, (seed, case) in enumerate(lanes):
-        first, end = case.window(TS_S)
-        parts = (references, taken.displacement_um, taken.command_V, taken.action)
-        r, y, u, action = (part[:end, lane] for part in parts)
-        if not np.isfinite(action).all():
+        if not np.isfinite(taken.action[: case.window(TS_S)[1], lane]).all():
             raise ValueError(f"an action on plant {seed}, {case.name} is not finite")
-        scored = score(r, y, u, action, first=first, ts_s=TS_S)
-        scores[seed].append(scored)
-        said[seed].append(
-            status(scored, r[first:], warning=warning, ts_s=TS_S, identified_V_s=limit)
+        scored, text = score_lane(
+            case, TS_S, references, taken, lane, warning=warning, identified_V_s=limit
         )
+        scores[seed].append(scored)
+        said[seed].append(text)
     return [_mean(each, lines) for each, lines in zip(scores, said, strict=True)]
-
-
-def _references(run: Run, lanes: Sequence[tuple[int, Case]], preview: int) -> Array:
-    """Every reference, going on for a preview: where it ended it would be held, a corner."""
-    stage = run.world.stage
-    centre, rest = stage.plant.reference_um[0], stage.rest_um
-    length = max(case.window(TS_S)[1] for _, case in lanes) + preview
-    columns = [
-        replace(case, periods=case.periods + 1).samples(TS_S, centre, rest, seed)
-        for seed, case in lanes
-    ]
-    held = [np.pad(r, (0, max(length - len(r), 0)), mode="edge")[:length] for r in columns]
-    return np.stack(held, axis=1)
 
 
 def _mean(scores: Sequence[Score], said: Sequence[str]) -> Row:

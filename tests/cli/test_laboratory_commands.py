@@ -10,6 +10,7 @@ from rdpi_gym.cli import main
 from rdpi_gym.measurement import Record, write_csv
 from rdpi_gym.plant import P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
+from tests.looping import over
 
 NOISE_UM = 0.02
 OWN_EFFECT = '''
@@ -174,8 +175,8 @@ def refused(words, out, capsys):
     return printed.err
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
+@over(
+    "words, said",
     [
         (["diagnose", "DATA", "--model", "none.json"], "'none.json' is neither a plant file nor"),
         (["diagnose", "DATA", "--jobs", "0"], "--jobs is 0"),

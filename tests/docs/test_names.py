@@ -10,6 +10,8 @@ ROOT = Path(__file__).parents[2]
 ROOMS = "rdpi_gym|baselines|benchmarks|studies|tests|docs|examples"
 WRITTEN = {"effects.md"}
 """Pages that a command writes for the user."""
+FORMER = ROOT / "rdpi_gym" / "support" / "renamed.py"
+"""Names that are no longer there, by intention."""
 BUILT = ("docs/api/generated", "docs/gallery", "docs/_build")
 """Folders that `make docs` makes."""
 
@@ -31,7 +33,9 @@ def texts():
     return [
         path
         for path in found
-        if path.exists() and not path.relative_to(ROOT).as_posix().startswith(BUILT)
+        if path.exists()
+        and path != FORMER
+        and not path.relative_to(ROOT).as_posix().startswith(BUILT)
     ]
 
 

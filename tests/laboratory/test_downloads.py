@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym.laboratory.downloads import FILES, take
+from rdpi_gym.laboratory.downloads import FILES, download
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
@@ -50,13 +50,13 @@ def session(tmp_path_factory):
 
 
 def test_the_model_that_is_taken_is_the_present_one(session):
-    taken = PlantModel.from_dict(json.loads(take(session, "model.json").content))
+    taken = PlantModel.from_dict(json.loads(download(session, "model.json").content))
     assert taken.effects == session.plant_of("s3").effects
     assert taken.hysteresis == session.plant_of("s3").hysteresis
 
 
 def test_a_notebook_repeats_a_fit_and_a_value_set_by_hand(session):
-    prepared, helpers, *cells = code_of(take(session, "notebook.ipynb").content)
+    prepared, helpers, *cells = code_of(download(session, "notebook.ipynb").content)
     names: dict = {}
     exec(prepared + "\n" + helpers + "\n" + cells[0], names)
     assert names["errors"]["s1"] == (session.step("s1").train_um, session.step("s1").validation_um)
@@ -68,8 +68,8 @@ def test_a_notebook_repeats_a_fit_and_a_value_set_by_hand(session):
 
 
 def test_settings_and_session_say_what_was_done(session):
-    assert set(tomllib.loads(take(session, "dataset.toml").content.decode())["records"])
-    document = json.loads(take(session, "session.json").content)
+    assert set(tomllib.loads(download(session, "dataset.toml").content.decode())["records"])
+    document = json.loads(download(session, "session.json").content)
     assert document["path"] == ["s1", "s2", "s3"]
     assert [event["do"] for event in document["events"]] == ["read", "step", "step", "step"]
 
@@ -79,8 +79,8 @@ def test_what_is_not_there_yet_is_one_line(session, tmp_path):
     for name in FILES:
         if name not in ("session.json",):
             with pytest.raises(InputError, match="yet"):
-                take(empty, name)
+                download(empty, name)
     with pytest.raises(InputError, match="wait for it"):
-        take(session, "experiment.csv")
+        download(session, "experiment.csv")
     with pytest.raises(InputError, match="cannot be taken home"):
-        take(session, "../secret")
+        download(session, "../secret")

@@ -13,12 +13,13 @@ from rdpi_gym.support import files
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import replaced_folder, settled_folder, write_atomic
 from rdpi_gym.support.temporaries import temporary
+from tests.looping import over
 
 posix = pytest.mark.skipif(os.name == "nt", reason="rights and locks of POSIX")
 
 
 @posix
-@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+@over("umask, mode", [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
 def test_rights_are_what_the_umask_leaves(umask, mode, tmp_path):
     before = os.umask(umask)
     try:
@@ -42,8 +43,8 @@ def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch
     assert calls == ["write", "fsync", "replace", "fsync"]  # the last is the folder's
 
 
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
-@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+@over("number", [errno.ENOSPC, errno.EDQUOT])
+@over("call", ["write", "fsync", "replace"])
 def test_a_full_disk_is_one_line_and_keeps_the_old_file(call, number, tmp_path, monkeypatch):
     path = write_atomic(tmp_path / "a.txt", "old")
 
@@ -88,7 +89,7 @@ def test_writers_at_the_same_time_leave_one_of_their_files(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
 
 
-@pytest.mark.parametrize("exchange", [True, False])
+@over("exchange", [True, False])
 def test_a_folder_that_could_not_be_filled_is_the_old_one(exchange, tmp_path, monkeypatch):
     if not exchange:
         monkeypatch.setattr(files, "_exchange", lambda one, other: False)

@@ -1,12 +1,15 @@
 """The resumable store: what survives an interruption, and what is left alone."""
 
 import json
+import tempfile
+from pathlib import Path
 
 import pytest
 
 from benchmarks.rows import TRACKING
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import named_rows
+from tests.looping import over
 
 
 def score(seed, value=1.0, **more):
@@ -24,20 +27,20 @@ def scores(path):
     return TRACKING.open(path.parent)
 
 
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "out" / "rows.jsonl"
+def fresh(folder):
+    """The path of a store in a new folder."""
+    return Path(tempfile.mkdtemp(dir=folder)) / "out" / "rows.jsonl"
 
 
-both = pytest.mark.parametrize(
-    ("opened", "row", "name"),
+both = over(
+    "opened, row, name",
     [(scores, score, TRACKING.key), (named_rows, case, lambda row: row["key"])],
-    ids=["tracking", "named"],
 )
 
 
 @both
-def test_rows_come_back_and_the_later_of_two_counts(path, opened, row, name):
+def test_rows_come_back_and_the_later_of_two_counts(tmp_path, opened, row, name):
+    path = fresh(tmp_path)
     store = opened(path)
     store.append([row(0), row(1, note="µm")])
     store.append([row(1, 7.0)])
@@ -48,8 +51,9 @@ def test_rows_come_back_and_the_later_of_two_counts(path, opened, row, name):
 
 @both
 def test_a_torn_last_line_is_dropped_and_the_next_row_stands_on_its_own_line(
-    path, opened, row, name
+    tmp_path, opened, row, name
 ):
+    path = fresh(tmp_path)
     opened(path).append([row(0), row(1)])
     path.write_bytes(path.read_bytes()[:-20])
     store = opened(path)
@@ -60,8 +64,9 @@ def test_a_torn_last_line_is_dropped_and_the_next_row_stands_on_its_own_line(
 
 
 @both
-@pytest.mark.parametrize("kept", [0, 5])
-def test_a_torn_first_line_is_an_empty_store(path, opened, row, name, kept):
+@over("kept", [0, 5])
+def test_a_torn_first_line_is_an_empty_store(tmp_path, opened, row, name, kept):
+    path = fresh(tmp_path)
     opened(path).append([row(0)])
     path.write_bytes(path.read_bytes()[:kept])
     store = opened(path)
@@ -71,7 +76,8 @@ def test_a_torn_first_line_is_an_empty_store(path, opened, row, name, kept):
 
 
 @both
-def test_a_line_that_is_no_row_is_dropped(path, opened, row, name):
+def test_a_line_that_is_no_row_is_dropped(tmp_path, opened, row, name):
+    path = fresh(tmp_path)
     opened(path).append([row(0)])
     with path.open("a") as stream:
         stream.write('{"controller": "none", "key": 3}\n[1, 2]\nnot json\n')
@@ -82,8 +88,9 @@ def test_a_line_that_is_no_row_is_dropped(path, opened, row, name):
 
 
 @both
-@pytest.mark.parametrize("text", ["a,b\n1,2\n", "my notes", '{"format": "mine"}\n'])
-def test_a_foreign_file_is_refused_and_left_alone(path, opened, row, name, text):
+@over("text", ["a,b\n1,2\n", "my notes", '{"format": "mine"}\n'])
+def test_a_foreign_file_is_refused_and_left_alone(tmp_path, opened, row, name, text):
+    path = fresh(tmp_path)
     path.parent.mkdir()
     path.write_text(text)
     with pytest.raises(InputError, match="not a file of rows") as error:
@@ -93,7 +100,8 @@ def test_a_foreign_file_is_refused_and_left_alone(path, opened, row, name, text)
 
 
 @both
-def test_stale_rows_are_moved_aside_and_kept(path, opened, row, name):
+def test_stale_rows_are_moved_aside_and_kept(tmp_path, opened, row, name):
+    path = fresh(tmp_path)
     store = opened(path)
     store.append([row(0, code="old"), row(1, code="new")])
     aside = store.set_aside(lambda each: each["code"] != "new")
@@ -106,14 +114,16 @@ def test_stale_rows_are_moved_aside_and_kept(path, opened, row, name):
     assert store.set_aside(lambda each: each["code"] != "new").name == "rows-stale-2.jsonl"
 
 
-def test_rows_of_one_sweep_are_not_taken_for_those_of_another(path):
+def test_rows_of_one_sweep_are_not_taken_for_those_of_another(tmp_path):
+    path = fresh(tmp_path)
     named_rows(path).append([case(0)])
     with pytest.raises(InputError, match="not a file of rows"):
         scores(path)
 
 
 @both
-def test_rows_of_an_earlier_release_are_kept_aside_and_not_trusted(path, opened, row, name):
+def test_rows_of_an_earlier_release_are_kept_aside_and_not_trusted(tmp_path, opened, row, name):
+    path = fresh(tmp_path)
     path.parent.mkdir()
     form = "rdpi-bench-rows" if opened is scores else "rdpi-hidden-rows"
     before = json.dumps({"format": form, "version": 1}) + "\n" + json.dumps(row(0)) + "\n"
@@ -129,7 +139,8 @@ def test_rows_of_an_earlier_release_are_kept_aside_and_not_trusted(path, opened,
 
 
 @both
-def test_two_stores_on_one_file_lose_nothing_of_each_other(path, opened, row, name):
+def test_two_stores_on_one_file_lose_nothing_of_each_other(tmp_path, opened, row, name):
+    path = fresh(tmp_path)
     one, other = opened(path), opened(path)
     one.append([row(0)])
     path.write_bytes(path.read_bytes() + b'{"half a li')
@@ -142,7 +153,8 @@ def test_two_stores_on_one_file_lose_nothing_of_each_other(path, opened, row, na
     assert opened(path).damaged == 0
 
 
-def test_names_that_are_no_unicode_come_back(path):
+def test_names_that_are_no_unicode_come_back(tmp_path):
+    path = fresh(tmp_path)
     named_rows(path).append([case(0, note="a\udc80b")])
     assert named_rows(path).rows[case(0)["key"]]["note"] == "a\udc80b"
 

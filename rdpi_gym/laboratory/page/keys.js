@@ -1,7 +1,7 @@
 // Shortcuts: one letter each, never while something is typed.
 
 import {addAt} from "./cards.js";
-import {openBringing} from "./bringing.js";
+import {openDataImport} from "./data_import.js";
 import {byId, h} from "./dom.js";
 import {otherTheme} from "./look.js";
 import {chooseBy} from "./records.js";
@@ -25,7 +25,7 @@ const KEYS = [
     ["r", "Redo (also Ctrl+Shift+Z)", redo],
     ["x", "Cancel what is running", cancel],
     ["1 … 9", "Add the candidate at that place", null],
-    ["o", "Bring data", openBringing],
+    ["o", "Bring data", openDataImport],
   ]],
   ["Look", [
     ["j", "Next record", () => chooseBy(1)],

@@ -1,11 +1,11 @@
 // The page begins: every part watches what it shows, then the server is asked for the session.
 
 import {act, begin} from "./api.js";
-import {beginBringing} from "./bringing.js";
+import {beginDataImport} from "./data_import.js";
 import {beginCards} from "./cards.js";
 import {byId} from "./dom.js";
 import {beginKeys} from "./keys.js";
-import {beginLeft} from "./left.js";
+import {beginResidual} from "./residual.js";
 import {beginLook} from "./look.js";
 import {beginCore, beginModel} from "./model.js";
 import {beginPayoff} from "./payoff.js";
@@ -17,7 +17,7 @@ import {beginViews} from "./views.js";
 
 beginLook();
 beginStatus();
-beginBringing();
+beginDataImport();
 beginRecords();
 beginTraces();
 beginViews();
@@ -25,7 +25,7 @@ beginStaircase();
 beginCards();
 beginModel();
 beginCore();
-beginLeft();
+beginResidual();
 beginPayoff();
 beginKeys();
 byId("rank").addEventListener("click", () => act("/api/rank"));

@@ -5,7 +5,7 @@ import {count, number, time} from "./format.js";
 import {colour, draw, line} from "./look.js";
 import {store, symbols, units, watch} from "./state.js";
 
-export function beginLeft() {
+export function beginResidual() {
   watch((server) => [server.ranking?.left, server.ranking?.status, server.quantities], drawLeft);
   watch((server, ui) => [server.ranking?.left?.experiment, server.quantities, ui.theme], drawExperiment);
   byId("rate-hz").addEventListener("input", setLink);

@@ -7,7 +7,7 @@ import {setUi, watch} from "./state.js";
 
 let examples = null;
 
-export function beginBringing() {
+export function beginDataImport() {
   const zone = byId("drop");
   const over = (on) => () => zone.classList.toggle("over", on);
   // a file may be let go of anywhere on the page
@@ -27,7 +27,7 @@ export function beginBringing() {
       byId(input).value = "";
     });
   }
-  byId("bring").addEventListener("click", openBringing);
+  byId("bring").addEventListener("click", openDataImport);
   byId("bring-close").addEventListener("click", () => byId("bringing").close());
   watch((server, ui) => [server.records.length > 0, ui.loaded], ([records, loaded]) => {
     document.body.classList.toggle("no-data", !records);
@@ -40,7 +40,7 @@ export function beginBringing() {
   });
 }
 
-export function openBringing() {
+export function openDataImport() {
   if (document.body.classList.contains("no-data")) byId("choose-files").focus();
   else if (!byId("bringing").open) byId("bringing").showModal();
 }
