@@ -54,6 +54,17 @@ def test_variation_is_per_second_and_counts_the_step_into_the_window():
     assert s.max_command_step_V == 2.0
 
 
+def test_an_error_above_that_of_standing_still_is_divergence():
+    reference = np.sin(np.arange(628) / 100.0)
+    for times, diverged in ((0.99, False), (1.01, True)):
+        command = np.zeros(reference.size)
+        s = score(
+            reference, reference + times * np.std(reference), command, command, first=1, ts_s=0.1
+        )
+        said = status(s, reference, warning=None, ts_s=0.1, identified_V_s=None)
+        assert ("diverged" in words([said])) is diverged
+
+
 def test_saturation_counts_actions_at_or_beyond_the_ends():
     s = scored(np.zeros(5), np.zeros(5), action=[1.0, 0.99, 1.0, -1.7, 0.0])
     assert s.saturated_percent == 50.0
