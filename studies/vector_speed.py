@@ -35,6 +35,7 @@ from numba import njit, prange
 
 import rdpi_gym  # noqa: F401  # registers the environment
 from baselines.learned.options import PHASES, TrainingOptions
+from rdpi_gym.envs.layout import DEFAULT_FIELDS
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.plant import empty_state, named_plant, pack
 from rdpi_gym.plant.cores.play import rdpi_block
@@ -51,7 +52,7 @@ _CALLS = 20
 
 def bytes_a_lane(plays: int, preview: int) -> dict[str, int]:
     """Count the bytes that a step of the bare plant reads and writes for one lane."""
-    observation = 4 * (preview + 3)
+    observation = 4 * (preview + len(DEFAULT_FIELDS))
     return {
         "parameters read": 8 * (2 * plays + 4),
         "state read and written": 16 * (plays + 2),

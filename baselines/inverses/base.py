@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from functools import cache
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import Effect
@@ -163,3 +165,16 @@ def without_inverse(effect: Effect) -> str:
     if effect.form and effect.name in INVERSES:
         return f"{effect.full_name()} (the simplest form of {effect.name} has an inverse)"
     return effect.full_name()
+
+
+# Coefficients below this share of one bend nothing, and their roots would lie at infinity.
+_NOTHING = 1e-12
+
+
+def turns(slope: ArrayLike) -> tuple[float, float]:
+    """Return the zeros of 1 + Σ c_k s^k, k = 1, 2, ..., next to s = 0 on either side."""
+    c = np.array(slope, dtype=np.float64)
+    zeros = np.roots([*np.where(np.abs(c) < _NOTHING, 0.0, c)[::-1], 1.0])
+    real = zeros.real[np.abs(zeros.imag) <= 1e-9 * np.abs(zeros)].tolist()
+    below, above = ([s for s in real if s < 0.0], [s for s in real if s > 0.0])
+    return max(below, default=-math.inf), min(above, default=math.inf)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from baselines.inverses.asymmetry import turns
+from baselines.inverses.base import turns
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.effects import Effect

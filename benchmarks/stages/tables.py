@@ -19,7 +19,7 @@ from benchmarks.stages.unit import (
     SUITE_VERSION,
     WORST_PERCENT,
 )
-from benchmarks.tracking.leaderboard import CONFIDENCE
+from benchmarks.tracking.leaderboard import CONFIDENCE, ranged
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table
@@ -156,8 +156,8 @@ def view(ranked: pd.DataFrame) -> pd.DataFrame:
             "rank": ranked["rank"],
             "controller": ranked["controller"],
             "failed (%)": 100.0 * ranked["failed"],
-            "p90 (%)": _ranged(ranked, "p90"),
-            "IQM (%)": _ranged(ranked, "iqm"),
+            "p90 (%)": ranged(ranked, "p90_percent", "p90_low", "p90_high"),
+            "IQM (%)": ranged(ranked, "iqm_percent", "iqm_low", "iqm_high"),
             "over noise": ranked["iqm_noise"],
             "command (V/s)": ranked["command_variation_V_s"],
             "µs": ranked["microseconds_per_sample"],
@@ -165,15 +165,6 @@ def view(ranked: pd.DataFrame) -> pd.DataFrame:
             "certificate": ranked["certificate"].fillna("–").map(_short),
         }
     )
-
-
-def _ranged(ranked: pd.DataFrame, name: str) -> list[str]:
-    columns = (f"{name}_percent", f"{name}_low", f"{name}_high")
-    parts = [ranked[column] for column in columns]
-    return [
-        f"{number(value)} ({number(low)} to {number(high)})"
-        for value, low, high in zip(*parts, strict=True)
-    ]
 
 
 def _short(text: object, most: int = 70) -> str:

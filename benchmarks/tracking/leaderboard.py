@@ -14,6 +14,7 @@ from benchmarks.rows import TRACKING
 from benchmarks.tracking.scoring import tally
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
+from rdpi_gym.support.words import number
 
 COLUMNS = (
     "controller", "plant", "belief", "reference", "frequency_hz", "ts_s", "seed",
@@ -59,6 +60,16 @@ def interval(draws: Array) -> tuple[float, float]:
         return float(np.mean(draws)), float("nan")
     t = stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)
     return float(np.mean(draws)), float(t * np.std(draws, ddof=1) / np.sqrt(n))
+
+
+def ranged(frame: pd.DataFrame, middle: str, low: str, high: str, digits: int = 3) -> list[str]:
+    """Write a column of means, each with its interval in brackets where it has one."""
+    return [
+        f"{number(mean)} ({number(least, digits)} to {number(most, digits)})"
+        if np.isfinite(least)
+        else number(mean)
+        for mean, least, most in zip(frame[middle], frame[low], frame[high], strict=True)
+    ]
 
 
 def drawn(table: pd.DataFrame) -> pd.DataFrame:
@@ -120,7 +131,7 @@ def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
 
 def _labels(rivals: pd.DataFrame, order: Sequence[str]) -> dict[str, dict[str, str]]:
     """Rank and places of every controller, from paired differences over the drawn seeds."""
-    logs = _log_means(drawn(rivals), "rmse_percent")
+    logs = _log_means(drawn(rivals), "rmse_percent", ["seed", "controller"]).unstack()
     names = [name for name in order if name in logs.columns and logs[name].notna().all()]
     n = len(names)
     worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
@@ -149,22 +160,20 @@ def exceeds(differences: ArrayLike) -> bool:
     return mean > (half if np.isfinite(half) else 0.0)
 
 
-def _log_means(rows: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Mean logarithm over the cases, a row a seed and a column a controller."""
-    # A row without numbers must not make a mean better: it makes it missing.
+def _log_means(rows: pd.DataFrame, column: str, by: Sequence[str]) -> pd.Series[float]:
+    """Mean logarithm over the cases; a row without numbers must not make it better: it is missing."""
     with np.errstate(divide="ignore"):
         logs = np.log(rows[column])
-    by = [rows["seed"], rows["controller"]]
-    means = logs.groupby(by).agg(lambda values: values.mean(skipna=False))
-    return pd.DataFrame(means.unstack())
+    groups = logs.groupby([rows[name] for name in by])
+    means: pd.Series[float] = groups.agg(lambda values: values.mean(skipna=False))
+    return means
 
 
 def _geometric_mean(rows: pd.DataFrame, column: str) -> dict[str, float]:
-    # A row without numbers must not make a mean better: it makes it missing.
-    with np.errstate(divide="ignore"):
-        logs = np.log(rows[column])
-    by_seed = logs.groupby(rows["seed"]).agg(lambda values: values.mean(skipna=False))
-    mean, half = interval(by_seed.to_numpy()) if len(by_seed) else (np.nan, np.nan)
+    by_seed = _log_means(rows, column, ["seed"])
+    mean, half = (
+        interval(np.asarray(by_seed, dtype=np.float64)) if len(by_seed) else (np.nan, np.nan)
+    )
     return {
         column: float(np.exp(mean)),
         f"{column}_low": float(np.exp(mean - half)),

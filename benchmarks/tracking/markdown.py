@@ -11,7 +11,7 @@ import pandas as pd
 from baselines import FULL_PREVIEW
 from benchmarks.payoff.tables import payoff_part
 from benchmarks.tracking.evaluation import Evaluation
-from benchmarks.tracking.leaderboard import COLUMNS, CONFIDENCE
+from benchmarks.tracking.leaderboard import COLUMNS, CONFIDENCE, ranged
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
 from benchmarks.tracking.scoring import MEANING, words
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
@@ -127,13 +127,7 @@ def ranking_view(ranked: pd.DataFrame) -> pd.DataFrame:
 
 
 def _ranged(frame: pd.DataFrame, column: str, digits: int = 3) -> list[str]:
-    parts = [frame[name] for name in (column, f"{column}_low", f"{column}_high")]
-    return [
-        f"{number(mean)} ({number(low, digits)} to {number(high, digits)})"
-        if np.isfinite(low)
-        else number(mean)
-        for mean, low, high in zip(*parts, strict=True)
-    ]
+    return ranged(frame, column, f"{column}_low", f"{column}_high", digits)
 
 
 def _stage_words(stage: Stage, part: pd.DataFrame) -> str:

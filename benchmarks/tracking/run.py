@@ -161,7 +161,8 @@ def _scores(
     row: Row = {**asdict(scored), "status": said}
     if lane.keep_trace:
         parts = (references, recording.displacement_um, recording.command_V)
-        row["trace"] = _trace(*(part[first:end, b] for part in parts), task.ts_s, lane.case)
+        r, y, u = (part[first:end, b] for part in parts)
+        row["trace"] = _trace(r, y, u, task.ts_s, lane.case)
     return row
 
 

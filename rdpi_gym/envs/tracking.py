@@ -72,7 +72,7 @@ def _show(
 
 
 class NoiseSource(Protocol):
-    """Where a sensor's noise comes from: numpy's generators, or noise that remembers."""
+    """Source of a sensor's noise: a generator of numpy, or coloured noise."""
 
     def standard_normal(self, size: int, /) -> Array:
         """Return the next numbers, in units of the sensor's standard deviation."""

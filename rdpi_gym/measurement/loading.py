@@ -104,7 +104,7 @@ def _quantities(parts: Sequence[_Part], options: DataOptions) -> Quantities:
 
 @dataclass(frozen=True)
 class _Part:
-    """What one path holds: its tables, what its folder says, its title."""
+    """Content of one path: tables, settings of its folder, title."""
 
     tables: list[Table]
     settings: Settings

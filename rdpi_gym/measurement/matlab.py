@@ -35,7 +35,7 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 
 @dataclass(frozen=True)
 class Variables:
-    """What was read of a file.
+    """Variables read from a file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a user says about a data file: columns, units, sampling time, what to leave out."""
+"""Options of a data file: columns, units, sampling time, skipped start."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def parse_units(text: str) -> dict[str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions:
-    """What a user says about DATA; it overrides a ``dataset.toml``.
+    """Options of DATA, before those of a ``dataset.toml``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What was measured: name, symbol and unit of input and output, and sentences that use them."""
+"""Measured quantities: name, symbol and unit of input and output, and sentences that use them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STANDARD: Mapping[str, Quantity] = {
     "input": Quantity("voltage", "u", "V"),
     "output": Quantity("displacement", "y", "µm"),
 }
-"""What is taken where nothing else is said."""
+"""Default quantities."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Quantities:
 
     @cached_property
     def _fields(self) -> dict[str, str]:
-        """What stands for the fields of a template that every text may have."""
+        """Values of the fields that every template may have."""
         found: dict[str, str] = {}
         for side in SIDES:
             own: Quantity = getattr(self, side)

@@ -1,4 +1,4 @@
-"""What a measurement is: one record of an experiment, and a data set of records."""
+"""Measurements: the record of one experiment, and a data set of records."""
 
 from __future__ import annotations
 

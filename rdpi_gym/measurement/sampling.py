@@ -21,7 +21,7 @@ _SIGNALS = ("u", "y")
 
 
 def unknown_times(t_s: Array) -> BoolArray:
-    """Where a clock says nothing: no number, or the time of the sample before."""
+    """Mask of times without information: no number, or the time of the sample before."""
     unknown = np.isnan(t_s)
     known = np.flatnonzero(~unknown)
     unknown[known[1:][np.diff(t_s[known]) == 0.0]] = True

@@ -28,7 +28,7 @@ _RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note", "columns", "units", 
 
 @dataclass(frozen=True)
 class RecordSettings:
-    """What a folder says about one record.
+    """Settings of one record in ``dataset.toml``.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class RecordSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a folder says about its records.
+    """Settings of a folder in ``dataset.toml``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every reader hands on: named columns, and where in the file each value stands."""
+"""Result of every reader: named columns, and the place of each value in the file."""
 
 from __future__ import annotations
 

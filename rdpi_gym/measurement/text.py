@@ -80,7 +80,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Layout:
-    """What separates the values of a text file and what its header says.
+    """Separator, decimal mark and header of a text file.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def test_wrappers_and_the_adapter_take_it():
         for ended, info in zip(done, infos, strict=True):
             assert set(info) >= ({"terminal_observation"} if ended else set())
             assert ended or info == {}
-            assert not over or info["terminal_observation"].shape == (17,)
+            assert not ended or info["terminal_observation"].shape == (17,)
 
 
 @over(

@@ -1,6 +1,8 @@
 """The vector environment among the ecosystem's tools: registry, spaces, memory, wrappers, threads."""
 
 import pickle
+import subprocess
+import sys
 import warnings
 
 import gymnasium as gym
@@ -212,3 +214,20 @@ def test_frames_of_every_lane():
     assert np.any(frames[0] != frames[1])
     with pytest.warns(UserWarning, match="no render_mode"):
         assert PiezoTrackingVectorEnv(2).render() is None
+
+
+def test_pickled_lanes_go_on_in_another_process(tmp_path):
+    """Kernels lie at other addresses there."""
+    envs = gym.make_vec("rdpi_gym/PiezoStage-v0", num_envs=2).unwrapped
+    envs.reset(seed=1)
+    action = np.full((2, 1), 0.3, dtype=np.float32)
+    envs.step(action)
+    (tmp_path / "lanes").write_bytes(pickle.dumps((envs, action)))
+    code = (
+        "import pickle, sys; envs, action = pickle.loads(open(sys.argv[1], 'rb').read()); "
+        "print(envs.step(action)[0].tobytes().hex())"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "lanes"], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == envs.step(action)[0].tobytes().hex()

@@ -231,6 +231,16 @@ def test_an_effect_of_ones_own_among_those_of_the_catalogue():
     assert found < 100.0 * ROUNDING
 
 
+def test_a_kernel_that_does_not_compile_is_refused_in_one_line():
+    class Fickle(Wobble):
+        name = "fickle"
+        block = staticmethod(lambda x, u, p, state, ts, y: state.sort_of(u))
+
+    with pytest.raises(InputError, match="the kernel of fickle cannot be compiled: ") as refusal:
+        PiezoTrackingVectorEnv(2, plant=replace(named_plant("P10"), effects=(Fickle(),)))
+    assert "\n" not in str(refusal.value)
+
+
 @over("bare", [True, False])
 @over("name", list(CORES))
 def test_every_core_randomised_over_episodes(name, bare):

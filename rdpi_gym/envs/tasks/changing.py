@@ -76,7 +76,7 @@ class ChangingPlant(Plant):
 
 @dataclass(frozen=True)
 class NoiseLaw:
-    """What a sensor adds, in units of the standard deviation that its plant states.
+    """Noise of a sensor, in units of the standard deviation that its plant states.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ class TaskEnv(PiezoTrackingEnv):
 
     @property
     def later(self) -> Mapping[int, PlantModel]:
-        """What the plant of this episode becomes, by the sample at which it does."""
+        """Later plants of this episode, by the sample from which each holds."""
         changes: Mapping[int, PlantModel] = getattr(self.truths, "later", {})
         return changes
 

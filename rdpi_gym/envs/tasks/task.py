@@ -1,4 +1,4 @@
-"""What a task is, and how its plants, references and noise are drawn."""
+"""Tasks: their declaration, and draws of plants, references and noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rdpi_gym.support.errors import InputError
 
 Split = Literal["training", "validation", "test"]
 PUBLIC_SEED = 2026
-"""Of the test draws, where whoever runs a leaderboard keeps no other."""
+"""Seed of the test draws, unless a leaderboard keeps one of its own."""
 SAMPLES, FIRST = 2500, 1000
 """Samples of every episode, and the first of them that is scored."""
 
@@ -157,7 +157,7 @@ class StageTask:
 
     @property
     def id(self) -> str:
-        """Under which ``gymnasium.make`` knows it."""
+        """Name for ``gymnasium.make``."""
         return f"rdpi_gym/Piezo{self.name}-v0"
 
     @property
@@ -333,7 +333,7 @@ class Lanes:
 
     @property
     def belief(self) -> PlantModel:
-        """What a controller is told of all of them, effects included."""
+        """Models of all of them for a controller, effects included."""
         return self.draws[0].belief
 
     @property

@@ -22,7 +22,7 @@ HISTORY = 32
 GLIDE_S = 0.025
 """Time (s) in which a load takes the mode to where it stays."""
 LOWEST_HZ = 300.0
-"""Of a loaded mode."""
+"""Lowest frequency (Hz) of a loaded mode."""
 
 _DELAY, _DRIFT = Delay(delay_s=1e-4), ThermalDrift(rate_um_s=0.1, time_constant_s=50.0)
 _EFFECTS = (LAG, CREEP, MODE, _DRIFT, _DELAY)

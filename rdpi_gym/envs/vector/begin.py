@@ -1,4 +1,4 @@
-"""How lanes begin their episodes: what is drawn, the plant at rest, the first sample."""
+"""Start of episodes in lanes: draws, the plant at rest, the first sample."""
 
 from __future__ import annotations
 

@@ -46,9 +46,8 @@ def _address(block: Callable[..., None], arguments: tuple[Any, ...], name: str) 
     try:
         compiled = kernel.get_compile_result(types.none(*arguments))
     except NumbaError as error:
-        raise InputError(
-            f"the kernel of {name} cannot be compiled: {str(error).splitlines()[-1]}"
-        ) from None
+        reason = next(line for line in f"{error}\nno reason".splitlines() if line[:6] != "Failed")
+        raise InputError(f"the kernel of {name} cannot be compiled: {reason}") from None
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 

@@ -217,7 +217,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
 
     @property
     def layout(self) -> ObservationLayout:
-        """What an observation shows, and where."""
+        """Fields of an observation."""
         return self.single.layout
 
     @property
@@ -227,7 +227,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
 
     @property
     def belief(self) -> PlantModel:
-        """What a baseline believes of the plants."""
+        """Model of the plants that a baseline uses."""
         return self.single.belief
 
     @property

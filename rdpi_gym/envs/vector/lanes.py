@@ -67,7 +67,7 @@ class Lanes(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """What does not change from step to step but by resets."""
+    """Arrays that change at resets alone."""
 
     stages: Table
     rises: Array  # float64[R, M]: smooth starts, sample by sample
@@ -97,7 +97,7 @@ class Law(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What a step returns: arrays of B lanes that the caller keeps."""
+    """Result of a step: arrays of B lanes that the caller keeps."""
 
     observation: Floats32  # float32[B D]
     reward: Array  # float64[B]

@@ -101,7 +101,7 @@ class LaneCores:
 _FEW = 2
 
 
-class _Watched:
+class _AccessRecorder:
     """A plant's hysteresis core that notices whether it is read."""
 
     def __init__(self, hysteresis: Core) -> None:
@@ -112,7 +112,7 @@ class _Watched:
         return getattr(self._hysteresis, name)
 
 
-class KeptColumns:
+class ColumnCache:
     """Columns of parameters at the levels of effects, each made when it is first drawn."""
 
     def __init__(self, counts: Sequence[int], rows: Integers) -> None:
@@ -201,7 +201,7 @@ class EffectStages:
         rows, p_row, state_row = [], 0, 0
         for i in self._stages:
             effect = model.effects[i]
-            watched = _Watched(model.hysteresis)
+            watched = _AccessRecorder(model.hysteresis)
             size = len(effect.coefficients(ts_s, cast(Core, watched)))
             if watched.read:
                 self._reading.add(i)
@@ -215,10 +215,10 @@ class EffectStages:
         self.reads_hysteresis = bool(self._reading)
         self.levels = sum(self._counts) if half_width > 0.0 else 0
         # Kernels pick columns alone where each stage's follow from its own few levels.
-        self._kept: KeptColumns | None = None
+        self._cache: ColumnCache | None = None
         few = all(self._counts[i] <= _FEW for i in self._stages)
         if self.levels and few and not self._reading and len(self._stages) == len(self._effects):
-            self._kept = KeptColumns(self._counts, self.table[:, 2:4])
+            self._cache = ColumnCache(self._counts, self.table[:, 2:4])
 
     def find_kernels(self) -> None:
         """Write the addresses of the kernels, which hold in one process alone, into the table."""
@@ -253,8 +253,8 @@ class EffectStages:
         turns_V: Array,
     ) -> Array:
         """Put the parameters at the levels that lanes have drawn into a block that begins."""
-        if self._kept is not None and levels.shape[1]:
-            self._kept.pick(levels, fresh, self._column_at)
+        if self._cache is not None and levels.shape[1]:
+            self._cache.pick(levels, fresh, self._column_at)
             return turns_V
         for lane, at in enumerate(levels.tolist()):
             effects, columns = self._at_levels(at)

@@ -102,7 +102,7 @@ def sample_references(
 
 
 class Drawn(NamedTuple):
-    """What m episodes draw."""
+    """Draws of m episodes."""
 
     factors: Array  # float64[m, K]: of the core's numbers; empty without randomisation
     levels: Integers  # int64[m, L]: of the effects' parameters; empty without randomisation
