@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import NO_FIT, JointFit, first_steps, fit_joint, kept_samples
@@ -277,6 +276,8 @@ class _Problem:
 
     def searched(self, start: Core, steps: int) -> _Point:
         """Search over the shape from a start, the gains solved for at each step."""
+        from scipy.optimize import least_squares
+
         numbers = [p for p in type(start).shape if not p.fixed]
         if not numbers:
             return self.projected(start)

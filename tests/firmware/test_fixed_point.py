@@ -1,5 +1,6 @@
 """Fixed point: the codes follow the controller in double, and no input overflows."""
 
+import ctypes
 import subprocess
 from dataclasses import replace
 
@@ -9,9 +10,11 @@ import pytest
 from baselines import make_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.fixed_point import TOLERANCE, fixed_point_body
+from rdpi_gym.firmware.making import package_of
+from rdpi_gym.firmware.writing.source import header_text
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from tests.firmware.programs import needs_gcc
+from tests.firmware.programs import library, needs_gcc
 
 STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"]  # fmt: skip
 SANITIZED = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
@@ -214,7 +217,19 @@ def test_codes_and_back():
     body = fixed_point_body(controller_of("P10", "none", 5e-5))
     centre, amplitude = named_plant("P10").reference_um
     assert body.displacement_codes([centre, centre + amplitude]).tolist() == [0, body.reach]
+    near = centre + np.array([-2.6, -0.4, 0.4, 2.6]) * body.displacement_scale_um / 2**31
+    assert body.displacement_codes(near).tolist() == [-3, 0, 0, 3]
     assert body.displacement_codes([np.inf, -np.inf]).tolist() == [2**31 - 1, -(2**31)]
+
+
+@needs_gcc
+def test_the_codes_of_the_header_are_rounded_to_the_nearest(tmp_path):
+    source = package_of(named_plant("P10"), 5e-5, "none").source
+    (tmp_path / "rdpi_controller.h").write_text(header_text(source))
+    text = '#include "rdpi_controller.h"\nint32_t code(double x);\nint32_t code(double x) { return rdpi_controller_code(x); }\n'
+    compiled = library(text, tmp_path, "codes", "-DRDPI_PRECISION=31", f"-I{tmp_path}")
+    compiled.code.argtypes = [ctypes.c_double]
+    assert [compiled.code(x / 2**31) for x in (-2.6, -0.4, 0.4, 2.6)] == [-3, 0, 0, 3]
 
 
 def test_controllers_without_a_form_are_refused_and_slow_decay_is_noted():

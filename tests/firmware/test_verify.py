@@ -61,6 +61,14 @@ def test_code_that_was_changed_is_found_and_named(folder):
     assert any("rdpi_controller.c is not what this release would write" in r for r in found.remarks)
 
 
+def test_code_that_is_wrong_in_some_samples_is_found(folder):
+    path = folder / "rdpi_controller.c"
+    wrong = "return command_V + (rdpi_real)((reference_um > 0) ? 1 : 0);"
+    path.write_text(path.read_text().replace("return command_V;", wrong))
+    found = verify(folder, records=5, samples=100)
+    assert not next(row for row in found.rows if row.what == "records").passed
+
+
 def test_an_answer_out_of_range_is_found(folder):
     path = folder / "rdpi_controller.c"
     path.write_text(

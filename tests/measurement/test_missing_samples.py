@@ -7,6 +7,7 @@ import pytest
 
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import DataOptions, load
+from rdpi_gym.measurement.sampling import filled_times, unknown_times
 from tests.looping import over
 
 
@@ -118,3 +119,10 @@ def test_what_is_missing_in_what_is_skipped_is_bridged_in_its_history(write, sin
     assert record.error_mask.all()
     assert np.isfinite(record.before_V).all()
     assert record.before_V.size == 5
+
+
+def test_of_two_samples_with_one_stamp_the_later_has_no_time() -> None:
+    t_s = np.array([0.0, 0.1, 0.1, 0.3, np.nan, 0.3, 0.6])
+    unknown = unknown_times(t_s)
+    assert unknown.tolist() == [False, False, True, False, True, True, False]
+    np.testing.assert_allclose(filled_times(t_s, unknown), 0.1 * np.arange(7))

@@ -104,6 +104,16 @@ def decisions_by_lanes(x: Any) -> Any:
     return x[1:3] * (2.0 if bool(rests[0]) else 5.0)
 
 
+def a_decision_by_a_flag_that_changes(x: Any) -> Any:
+    flag, y = x[:1] > 0.0, x[1:2].copy()
+    if flag.any():
+        y += 1.0
+    flag[:] = x[2:3] > 0.0
+    if flag.any():
+        y *= 2.0
+    return y
+
+
 def steps_that_are_repeated(x: Any) -> Any:
     low, high = np.zeros_like(x[0]), np.full_like(x[0], 1.0)
     for _ in range(9):
@@ -120,7 +130,7 @@ LAWS: dict[str, Law] = {
     for law in (
         arithmetic_and_broadcasting, choices_limits_and_signs, shifts_in_place, views_and_copies,
         sums_and_extremes, products_of_one_term, missing_numbers_and_truths, a_decision,
-        decisions_within_decisions, decisions_by_lanes, steps_that_are_repeated,
+        decisions_within_decisions, decisions_by_lanes, a_decision_by_a_flag_that_changes, steps_that_are_repeated,
     )
 }  # fmt: skip
 

@@ -102,9 +102,18 @@ def _wider(x, y):
     y[2] = min(max(x[0], -1.0), 1.0)
 
 
+@njit
+def _decided(x, y):
+    n = x.shape[0]
+    y[0] = 1.0 if x[0] > 0.0 and n > 3 else 2.0
+    y[1] = 1.0 if x[1] > 0.0 or n > 9 else 2.0
+    y[2] = 1.0 if x[0] > 0.0 and n > 9 else 2.0
+    y[3] = 1.0 if x[1] > 0.0 or n > 3 else 2.0
+
+
 @needs_gcc
 def test_kernels_mean_in_c_what_they_mean_in_python(tmp_path):
-    for kernel in (_exchanged, _counted, _wider):
+    for kernel in (_exchanged, _counted, _wider, _decided):
         functions = Functions()
         called = functions.call(kernel, [Block("x", (4,)), Block("y", (4,))], _no_local)
         text = f"{head(tmp_path)}\n{functions.text}\nvoid go(const double *x, double *y);\n"
