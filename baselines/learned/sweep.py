@@ -24,7 +24,7 @@ from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.progress import Progress, silent
-from rdpi_gym.support.study import open_study
+from rdpi_gym.support.store import open_study
 from rdpi_gym.support.words import quoted, short
 
 if TYPE_CHECKING:

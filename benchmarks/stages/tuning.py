@@ -31,7 +31,7 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
-from rdpi_gym.support.study import open_study
+from rdpi_gym.support.store import open_study
 from rdpi_gym.support.words import guess, quoted, some
 
 if TYPE_CHECKING:

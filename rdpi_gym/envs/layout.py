@@ -188,6 +188,10 @@ class ObservationLayout:
         return found
 
     @cached_property
+    def _encoders(self) -> dict[tuple[float, bool], Array]:
+        return {}
+
+    @cached_property
     def now(self) -> list[int]:
         """Column of each field's value of sample k."""
         return [self.columns[name].start for name in self.fields]
@@ -229,8 +233,11 @@ class ObservationLayout:
 
         The law is ``gain (x - zero) / span - shift``, within ±`limit`; with `reciprocal` it is
         ``(x - zero) span``, which is faster and rounds otherwise. The column is -1 where the field is
-        not shown.
+        not shown. The table is shared, and read alone.
         """
+        known = self._encoders.get((range_um, reciprocal))
+        if known is not None:
+            return known
         low, high = self.command_range_V
         # In float32, as it is shown: the end of the range is inside it.
         limit = float(np.float32(range_um / self.scale_um))
@@ -250,6 +257,7 @@ class ObservationLayout:
             row[COLUMN] = self.columns[field.name].stop - 1 if field.name in self.fields else -1
             row[GAIN : SHIFT + 1] = laws[field.scale]
             row[LIMIT] = limit if field.limited else math.inf
+        self._encoders[(range_um, reciprocal)] = table
         return table
 
     def encode(self, shown: Any, ends_um: Any, measured_um: Any, command_V: Any) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Rows of results in an append-only file: an interrupted run continues where it stopped."""
+"""Resumable stores: rows of results in an append-only file, and Optuna's searches in a journal."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import BINARY, NO_LINK, read_bytes, sync_folder, write_all, write_atomic
 from rdpi_gym.support.temporaries import is_open_at, lock, writing
+
+if TYPE_CHECKING:
+    from optuna import Study
 
 NAMED_FORMAT, VERSION = "rdpi-hidden-rows", 2
 Row: TypeAlias = dict[str, Any]
@@ -241,3 +244,27 @@ def _text(row: Row) -> bytes:
 def _ends_a_line(handle: int) -> bool:
     os.lseek(handle, -1, os.SEEK_END)
     return os.read(handle, 1) == b"\n"
+
+
+def open_study(
+    journal: Path, name: str, direction: Literal["minimize", "maximize"] = "minimize"
+) -> Study:
+    """Open a study in a journal, or begin it."""
+    try:
+        import optuna
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalFileBackend
+    except ImportError as error:
+        raise InputError(f"tuning needs Optuna ({error}); install rdpi-gym[tune]") from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    try:
+        journal.parent.mkdir(parents=True, exist_ok=True)
+        storage = JournalStorage(JournalFileBackend(str(journal)))
+        return optuna.create_study(
+            storage=storage, study_name=name, load_if_exists=True, direction=direction
+        )
+    except (OSError, ValueError, KeyError) as error:
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        raise InputError(
+            f"the search in {journal.parent} cannot be read or written ({reason})"
+        ) from error
