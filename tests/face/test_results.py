@@ -10,10 +10,16 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 import rdpi_gym as rg
+from rdpi_gym.diagnosis.checks import Check
 
 
 def same(one, other):
-    """Whether two values are equal in every number, text and array."""
+    """Whether two values are equal in every number, text and array; checks by their sentences.
+
+    A file holds a check's sentence as it was written, and not the values that the sentence was made of.
+    """
+    if isinstance(one, Check):
+        return isinstance(other, Check) and one.to_dict() == other.to_dict()
     if is_dataclass(one) and not isinstance(one, type):
         return type(one) is type(other) and all(
             same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
