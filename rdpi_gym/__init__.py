@@ -18,6 +18,7 @@ from rdpi_gym.support.guard import guard, is_command
 if is_command():  # and no program that uses the package: before the imports that take their time
     guard()
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +41,13 @@ register(
 
 # Files of tasks say in lines as `PiezoBareEnv, bare_vector = ...` which environments they have; they are
 # read here, and imported when one is made.
+_ENVS = re.compile(r"^Piezo(\w+)Env(?:, (\w+))? = ", re.MULTILINE)
 for _file in sorted((Path(__file__).parent / "envs" / "tasks").glob("*.py")):
-    for _line in _file.read_text("utf-8").split("\nPiezo")[1:]:
-        _env, *_vector = _line.split(" = ", 1)[0].split(", ")
+    for _task, _vector in _ENVS.findall(_file.read_text("utf-8")):
         register(
-            id=f"rdpi_gym/Piezo{_env.removesuffix('Env')}-v0",
-            entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:Piezo{_env}",
-            vector_entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:{_vector[0]}"
-            if _vector
-            else None,
+            id=f"rdpi_gym/Piezo{_task}-v0",
+            entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:Piezo{_task}Env",
+            vector_entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:{_vector}" if _vector else None,
             max_episode_steps=2500,
         )
 

@@ -203,6 +203,7 @@ class Guarded(Baseline):
         self._forgets = 1.0 - math.exp(-ts / LIMIT_S)
         self._slide = min(ts / BLEND_S, 1.0)
         self._measured = self.layout.columns["measured"].start
+        self._reference = self.layout.columns["reference"].start
         self.watch = Watch(self.layout)
         most = [(seen or {}).get(name, math.inf) for name in QUANTITIES]
         self._furthest = MARGIN * np.array(most)[:, None]
@@ -263,7 +264,7 @@ class Guarded(Baseline):
             own = np.zeros(len(share))
         shown = observation.copy()
         rests = share == 0.0
-        shown[rests, self._measured] = observation[rests, 0]
+        shown[rests, self._measured] = observation[rests, self._reference]
         other = self.fallback.next_command(shown, reference_um, of(state, "fallback"))
         return np.where(share < 1.0, (1.0 - share) * np.nan_to_num(own) + share * other, other)
 

@@ -332,11 +332,6 @@ class Policy(SavedPolicy):
             return cls(**_described(document), actor=_actor(document, folder / WEIGHTS))
 
 
-def find_policy(name: str) -> Policy:
-    """Return the policy in a folder, or a shipped one by its name."""
-    return Policy.load(policy_folder(name))
-
-
 def policy_folder(name: str) -> Path:
     """Return the folder of a policy, of a shipped one by its name."""
     if not name:

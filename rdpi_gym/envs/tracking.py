@@ -63,8 +63,10 @@ def _show(
             if column >= 0:
                 place = encoder[i, GAIN] * (values[i] - encoder[i, ZERO]) / encoder[i, SPAN]
                 place -= encoder[i, SHIFT]
-                place = place if place < limit else limit
-                observation[b, column] = place if place > -limit else -limit
+                if limit < np.inf:  # else NaN stays NaN
+                    place = place if place < limit else limit
+                    place = place if place > -limit else -limit
+                observation[b, column] = place
         begin = int(encoder[0, COLUMN]) - window
         for j in range(window):
             r = reference[min(k + j, last), b]

@@ -15,14 +15,33 @@ from types import ModuleType
 
 # One line a module: its former name, and the name it has now.
 _TABLE = """
+baselines.believed baselines.core_inverse
+baselines.inverses.catalogue baselines.inverses.base
+baselines.inverses.lags baselines.inverses.linear
+baselines.inverses.turns baselines.inverses.base
+baselines.learned.guard baselines.learned.controller
+baselines.learned.network baselines.learned.policy
+baselines.learned.seen baselines.learned.envelope
+baselines.limits baselines.lanes
+baselines.memory baselines.lanes
+baselines.products baselines.lanes
+baselines.stability baselines.feedforward
 rdpi_gym.envs.correction rdpi_gym.envs.controller
 rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.changing
 rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment
 rdpi_gym.envs.vector.space rdpi_gym.envs.unit_box
 rdpi_gym.identification.result rdpi_gym.identification.fitting
 rdpi_gym.measurement.published rdpi_gym.measurement.loading
+rdpi_gym.plant.cores.asymmetric_bouc_wen rdpi_gym.plant.cores.bouc_wen
+rdpi_gym.plant.cores.checks rdpi_gym.plant.cores.families
+rdpi_gym.plant.cores.inner_variable rdpi_gym.plant.cores.families
+rdpi_gym.plant.cores.thresholds rdpi_gym.plant.cores.families
+rdpi_gym.plant.effects.unknown_drives rdpi_gym.plant.effects.unknown
+rdpi_gym.plant.effects.unknown_kernel rdpi_gym.plant.effects.unknown_places
 rdpi_gym.plant.instruments rdpi_gym.plant.model
 rdpi_gym.plant.named rdpi_gym.plant.model
+rdpi_gym.plant.packing rdpi_gym.plant.cores.base
+rdpi_gym.plant.stages rdpi_gym.plant.plant
 rdpi_gym.signals.checks rdpi_gym.signals.base
 rdpi_gym.signals.loops rdpi_gym.signals.periodic
 rdpi_gym.signals.processes rdpi_gym.signals.broadband

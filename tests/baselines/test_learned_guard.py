@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,6 +111,30 @@ def test_an_episode_that_begins_is_the_policys_again():
     guarded.rows.of(state, "share")[:] = 1.0
     _, state = guarded.predict(np.zeros((2, LAYOUT.size)), state, episode_start=[True, False])
     assert guarded.handed_over(state).tolist() == [False, True]
+
+
+class Shown(Baseline):
+    """Fallback that keeps what it is shown."""
+
+    def start(self, reference_um):
+        return np.zeros((0, len(reference_um)))
+
+    def next_command(self, observation, reference_um, state):
+        self.shown = observation.copy()
+        return np.zeros(len(observation))
+
+
+def test_a_fallback_that_rests_is_shown_the_reference_in_place_of_the_reading_in_any_order_of_fields():
+    for fields in (LAYOUT.fields, ("measured", "command", "reference")):
+        layout = replace(LAYOUT, fields=fields)
+        fallback, inner = Shown(BELIEF, layout), Shown(BELIEF, layout)
+        guarded = Guarded(inner, fallback)
+        observation = np.linspace(0.0, 1e-3, layout.size, dtype=np.float32)[None]
+        guarded.predict(observation)
+        expected = observation.copy()
+        own = layout.columns
+        expected[:, own["measured"]] = observation[:, own["reference"]][:, :1]
+        np.testing.assert_array_equal(fallback.shown, expected, err_msg=str(fields))
 
 
 def test_a_shipped_policy_is_guarded_by_its_name_and_at_another_sampling_time_too(

@@ -18,7 +18,7 @@ import torch
 from baselines import make_controller
 from baselines.learned import policy as policies
 from baselines.learned.controller import find_learned
-from baselines.learned.policy import Network, Policy, find_policy
+from baselines.learned.policy import Network, Policy, policy_folder
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
@@ -187,9 +187,9 @@ def test_the_folder_of_a_policy_is_a_controllers_name(tmp_path):
 def test_a_name_without_a_policy_is_one_line(tmp_path, monkeypatch):
     monkeypatch.chdir(make_policy().save(tmp_path / "policy"))
     with pytest.raises(InputError, match="the name of the policy is empty"):
-        find_policy("")
+        policy_folder("")
     with pytest.raises(InputError, match=r"no policy is at .*nowhere.*policy\.json"):
-        find_policy(str(tmp_path / "nowhere"))
+        policy_folder(str(tmp_path / "nowhere"))
 
 
 def test_a_network_that_cannot_be_kept_is_refused():

@@ -1,5 +1,7 @@
 """Tracking problems side by side: lanes, readings, the reference shown."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -96,6 +98,15 @@ def test_reading_has_the_sensors_noise_and_resolution():
     assert np.std(noise) == pytest.approx(expected, rel=0.025)
     correlation = np.corrcoef(np.array(noise).T)
     assert np.abs(correlation[np.triu_indices(50, 1)]).max() < 0.3
+
+
+@over("range_um", [math.inf, 100.0])
+def test_a_command_that_is_no_number_is_shown_as_none(range_um):
+    layout = ObservationLayout.for_plant(named_plant("P5"), TS_S)
+    task = TrackingTask(named_plant("P5"), layout, range_um)
+    task.reset(np.zeros((5, 1)))
+    shown = task.step(np.array([np.nan]))
+    assert np.isnan(shown[0, layout.columns["command"].start])
 
 
 def test_rests_at_the_command_nearest_zero():

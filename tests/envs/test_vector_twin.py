@@ -1,5 +1,6 @@
 """Lane by lane, step by step, the vector environment is the single one, to rounding."""
 
+import functools
 import warnings
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,7 @@ from numba import njit
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
+from rdpi_gym.envs.vector.chain import stage_address
 from rdpi_gym.plant import CORES, named_plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of, load_effect
 from rdpi_gym.plant.effects.base import SLOTS
@@ -239,6 +241,44 @@ def test_a_kernel_that_does_not_compile_is_refused_in_one_line():
     with pytest.raises(InputError, match="the kernel of fickle cannot be compiled: ") as refusal:
         PiezoTrackingVectorEnv(2, plant=replace(named_plant("P10"), effects=(Fickle(),)))
     assert "\n" not in str(refusal.value)
+
+
+def test_a_kernel_that_is_no_function_or_returns_a_value_is_refused_in_one_line(monkeypatch):
+    @njit
+    def returning(x, u, p, state, ts, y):
+        return y
+
+    rows = np.zeros((1, 1))
+    returning(rows, rows, rows, rows, 1.0, rows)  # compiled, before anyone asks what it returns
+    for block in (functools.partial(wobble_block.py_func, ts=1.0), returning):
+        with pytest.raises(InputError, match="the kernel of own cannot be compiled: ") as refusal:
+            stage_address(block, "own")
+        assert "\n" not in str(refusal.value)
+    # as releases of numba do that ask for the arguments alone
+    monkeypatch.setattr(
+        type(returning), "get_compile_result", lambda own, wanted: own.overloads[wanted.args]
+    )
+    with pytest.raises(InputError, match=r"^the kernel of own returns array.*return nothing$"):
+        stage_address(returning, "own")
+
+
+def test_a_kernel_declared_for_strided_arrays_runs_as_one_declared_for_none():
+    rows = "f8[:,:]"
+
+    class Strided(Wobble):
+        name = "strided"
+        block = staticmethod(
+            njit(f"void({rows},{rows},{rows},{rows},f8,{rows})")(wobble_block.py_func)
+        )
+
+    for own in (Wobble(), Strided()):
+        environment = PiezoTrackingVectorEnv(2, plant=replace(named_plant("P10"), effects=(own,)))
+        environment.reset(seed=1)
+        then = environment.step(np.full((2, 1), 0.3, dtype=np.float32))[0].copy()
+        if own.name == "wobble":
+            expected = then
+    assert np.isfinite(then).all()
+    np.testing.assert_array_equal(then, expected)
 
 
 @over("bare", [True, False])

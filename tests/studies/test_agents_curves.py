@@ -11,7 +11,7 @@ from PIL import Image
 pytest.importorskip("torch")
 
 from baselines.learned import policy as policies
-from baselines.learned.policy import Network, Policy, find_policy
+from baselines.learned.policy import Network, Policy, policy_folder
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
@@ -156,7 +156,7 @@ def test_shipped_policies_are_the_trained_ones_and_twice_is_once(tmp_path, monke
     pd.testing.assert_frame_equal(shipping.ship(table, made, target), found)
     assert {path: path.read_bytes() for path in target.rglob("*") if path.is_file()} == first
     monkeypatch.setattr(policies, "SHIPPED", target)
-    assert find_policy("ppo-increment").training == {"seed": 2, "timesteps": 200}
+    assert Policy.load(policy_folder("ppo-increment")).training == {"seed": 2, "timesteps": 200}
 
 
 def test_the_stage_ships_and_a_quick_one_not_among_the_published(tmp_path, capsys):
@@ -213,7 +213,7 @@ def test_committed_policies_are_those_of_the_table():
     assert set(folders) == set(earned.index), "run python -m studies.agents --stage ship"
     assert (rows.loc[~rows["ships"], "policy_bytes"] == 0).all()
     for name in folders:
-        assert find_policy(name).training["seed"] == rows.loc[name, "seed"]
+        assert Policy.load(policy_folder(name)).training["seed"] == rows.loc[name, "seed"]
     total = sum(file.stat().st_size for path in folders.values() for file in path.parent.iterdir())
     assert total == rows["policy_bytes"].sum() < shipping.LIMIT_BYTES
     chosen = shipping.median_trainings(pd.read_csv(OUT / "scores.csv"))

@@ -176,7 +176,7 @@ def show_first(
         )  # fmt: skip
         for b in range(lanes):
             observation[b * size + begin + j] = encode(
-                0, window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
+                window_um[0, ring, b], encoder[0, ZERO], encoder[0, SPAN], encoder[0, LIMIT]
             )
     now, newest = step % rows, (step - 1) % rows
     for b in range(lanes):
@@ -189,6 +189,6 @@ def show_first(
             column = int(encoder[i, COLUMN])
             if column >= 0:
                 observation[b * size + column] = encode(
-                    i, values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
+                    values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
                 )
     report(0, row, step % rows, work, numbers, window_um, info)

@@ -7,10 +7,11 @@ user's own too, and each kernel is compiled and cached once, by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
-from numba import njit, types
+from numba import jit, njit, types
 from numba.core import cgutils
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
@@ -41,13 +42,32 @@ def core_address(block: Callable[..., None], name: str) -> int:
     return _address(block, _CORE, name)
 
 
+@cache  # what is compiled lives as long as its address is in use
+def _recompiled(block: Callable[..., None]) -> Any:
+    if isinstance(block, Dispatcher):
+        return jit(**block.targetoptions)(block.py_func)
+    return njit(block)
+
+
+def _compile(block: Callable[..., None], signature: Any) -> Any:
+    if isinstance(block, Dispatcher):
+        try:
+            return block.get_compile_result(signature)
+        except NumbaError:  # declared for strided arrays alone, it may still compile for these
+            pass
+    return _recompiled(block).get_compile_result(signature)
+
+
 def _address(block: Callable[..., None], arguments: tuple[Any, ...], name: str) -> int:
-    kernel: Any = block if isinstance(block, Dispatcher) else njit(block)
     try:
-        compiled = kernel.get_compile_result(types.none(*arguments))
-    except NumbaError as error:
+        compiled = _compile(block, types.none(*arguments))
+    except (NumbaError, TypeError) as error:
         reason = next(line for line in f"{error}\nno reason".splitlines() if line[:6] != "Failed")
         raise InputError(f"the kernel of {name} cannot be compiled: {reason}") from None
+    # Releases of numba look a compiled kernel up by its arguments alone.
+    returned = compiled.signature.return_type
+    if not isinstance(returned, types.NoneType):
+        raise InputError(f"the kernel of {name} returns {returned}; let it write y, return nothing")
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 

@@ -100,7 +100,6 @@ def command_block(
 
 
 _FIELDS = len(FIELDS)
-_LIMITED = tuple(field.limited for field in FIELDS)
 # Where the fields of each part of a record begin, one after the other.
 _SOURCES = len(Lanes._fields)
 _SHOWN = _SOURCES + len(Sources._fields)
@@ -108,10 +107,10 @@ _LAW = _SHOWN + len(Shown._fields)
 
 
 @njit(cache=True)
-def encode(i: int, value: float, zero: float, span: float, limit: float) -> np.float32:
-    """Encoded value of field i, by the reciprocal table of an ObservationLayout."""
+def encode(value: float, zero: float, span: float, limit: float) -> np.float32:
+    """Encoded value of a field, by the reciprocal table of an ObservationLayout."""
     place = (value - zero) * span
-    if _LIMITED[i]:
+    if limit < np.inf:  # else NaN stays NaN
         place = place if place < limit else limit
         place = place if place > -limit else -limit
     return np.float32(place)
@@ -177,7 +176,7 @@ def _observe(
             column = int(columns[i])
             if column >= 0:
                 observed[n, at + b * size + column] = encode(
-                    i, values[i], zeros[i], spans[i], limits[i]
+                    values[i], zeros[i], spans[i], limits[i]
                 )
 
 

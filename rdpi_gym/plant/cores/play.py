@@ -38,7 +38,11 @@ _VECTOR_LANES = 16
 
 @njit(cache=True, forceinline=True)
 def play(x: float, low: float, high: float) -> float:
-    """Return the state `x` of a play whose gap now reaches from `low` to `high`, Eq. 4."""
+    """Return the state `x` of a play whose gap now reaches from `low` to `high`, Eq. 4.
+
+    Kernels of other files that call it are compiled anew where ``__pycache__`` is deleted: numba looks
+    for changes in the file of each kernel alone.
+    """
     x = x if x < high else high
     return x if x > low else low
 

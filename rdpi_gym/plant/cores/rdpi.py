@@ -18,6 +18,9 @@ from rdpi_gym.plant.cores.families import (
     set_numbers,
     spread_thresholds,
 )
+from rdpi_gym.plant.cores.families import (
+    settled_memory as settled_memory,  # its former place
+)
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
 from rdpi_gym.plant.parameters import DataScale, Parameter, moved
 from rdpi_gym.support.arrays import Array
