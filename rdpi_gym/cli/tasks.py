@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import Annotated, TypeAlias
 
 import typer
 
@@ -12,10 +12,8 @@ import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, words
 from rdpi_gym.cli.tables import print_table
 from rdpi_gym.support.command_line import check_jobs
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
-
-if TYPE_CHECKING:
-    import rdpi_gym as rg
 
 TASKS_HELP = "Short names or ids of tasks, for example Stage,Load; all: every one."
 LEGEND = (
@@ -65,8 +63,6 @@ def refuse_failures(scores: rg.TaskScores, own: Sequence[str]) -> None:
     InputError
         With the first reason.
     """
-    from rdpi_gym.support.errors import InputError
-
     for name in own:
         said = [str(row["failure"]) for row in scores.rows if row["controller"] == name]
         if said and all(reason.startswith(("error", "too slow")) for reason in said):

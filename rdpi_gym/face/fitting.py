@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rdpi_gym.report.chart import Chart
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from rdpi_gym.report.chart import Chart
 
 _SYMBOLS = {"delta1_V": ("δ1", "{input_unit}"), "delta2_s": ("δ2", "s")}
 
@@ -443,9 +439,6 @@ class KindChoice(DisplayMixin, kinds.KindChoice):
         for name in ("held_out_um", "fitted_um"):
             frame[name] = [f"{value:.3g}" for value in frame[name]]
         return self._table_in_units(frame.rename(columns=heads))
-
-    def _names(self) -> Sequence[str]:
-        return tuple(fit.plant.hysteresis.name for fit in self.fits)
 
     def _chart(self) -> Chart:
         from rdpi_gym.report.chart import Chart

@@ -316,7 +316,11 @@ def pictures() -> dict[str, dict[str, Any]]:
         picture = kind.picture
         effect = kind(**(picture.values if picture is not None else {}))
         gone = Plant(replace(bare, effects=(effect,)), ts_s).simulate(u_V) - without
-        over_command = picture is not None and picture.right.kind == "left_over_command"
+        over_command = (  # what changes with time or rate is seen over time
+            picture is not None
+            and picture.right.kind == "left_over_command"
+            and not (kind.clocked or kind.slot == "rate")
+        )
         at = np.arange(200, 401, 4) if over_command else thin_index(gone, samples=_SKETCH)
         x = u_V if over_command else t_s
         kept = {"x": numbers(x[at]), "y": numbers(gone[at])}

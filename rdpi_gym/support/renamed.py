@@ -19,7 +19,10 @@ rdpi_gym.envs.correction rdpi_gym.envs.controller
 rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.changing
 rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment
 rdpi_gym.envs.vector.space rdpi_gym.envs.unit_box
+rdpi_gym.identification.result rdpi_gym.identification.fitting
 rdpi_gym.measurement.published rdpi_gym.measurement.loading
+rdpi_gym.plant.instruments rdpi_gym.plant.model
+rdpi_gym.plant.named rdpi_gym.plant.model
 rdpi_gym.signals.checks rdpi_gym.signals.base
 rdpi_gym.signals.loops rdpi_gym.signals.periodic
 rdpi_gym.signals.processes rdpi_gym.signals.broadband

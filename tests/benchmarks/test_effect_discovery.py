@@ -151,9 +151,9 @@ def test_the_studies_have_the_cases_that_the_targets_need():
     assert len({case.key for case in cases}) == len(cases) == 1000
     singles = Counter(case.subject for case in cases if case.study == "single")
     assert singles == {(name,): 30 for name in EFFECTS}
-    assert set(EFFECTS) <= set(
-        CATALOGUE
-    )  # a new effect is drawn once a foreign form of it is written
+    # no effect needs a foreign form to be added to the catalogue, so that some may lack one; the
+    # counts here pin the fifteen that have one, and so that none of them is lost
+    assert set(EFFECTS) <= set(CATALOGUE)
     assert len({case.subject for case in cases if case.study == "double"}) == 105
     outside = Counter(c.subject[0] for c in cases if c.study == "outside")
     assert outside == dict.fromkeys(OUTSIDE, 20)

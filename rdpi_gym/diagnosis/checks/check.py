@@ -96,7 +96,7 @@ class Check:
             raise InputError(f"{fields.source}: {quoted(zone)} is none of {joined(get_args(Zone))}")
         return cls(
             name=fields.text("name"),
-            value=fields.optional_number("value"),
+            value=_finite(fields, "value"),
             threshold=fields.optional_number("threshold"),
             base_unit=fields.text("unit"),
             zone=cast("Zone", zone),
@@ -104,6 +104,11 @@ class Check:
             advice=statement("as written", text=step) if step else None,
             suggests=fields.texts("suggests"),
         )
+
+
+def _finite(fields: Fields, key: str) -> float | None:
+    """A number of a file; None where the file has none, or the text of one that is not finite."""
+    return None if fields.raw(key) in ("nan", "inf", "-inf") else fields.optional_number(key)
 
 
 def cannot_tell(name: str, code: str, advice: str, **values: object) -> Check:

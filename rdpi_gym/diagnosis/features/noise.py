@@ -119,11 +119,6 @@ def _repetitions(record: Record) -> tuple[NDArray[np.intp], int] | None:
     return starts, length
 
 
-def quiet_noise(record: Record) -> float:
-    """Standard deviation (µm) of a quiet record about its slow trend and without the mains' lines."""
-    return float(np.std(flattened(record), ddof=4))
-
-
 def flattened(record: Record) -> Array:
     """A quiet record without what drift, creep and the mains leave in it."""
     counted = longest_counted(record) or record

@@ -7,8 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from rdpi_gym.plant import CORES, Plant, PlantModel
+from rdpi_gym.plant import CORES, P5, Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core, empty_state, pack
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
@@ -76,6 +79,10 @@ def test_it_is_saved_by_its_name_and_loaded(core: Core, tmp_path) -> None:
         PlantModel.from_dict(document)
 
 
+def test_a_file_of_the_paper_s_core_names_no_core() -> None:
+    assert "core" not in P5.to_dict()["hysteresis"]
+
+
 def test_lanes_of_two_cores_are_refused() -> None:
     models = [model_of(CORES[name].starts(SCALE)[0]) for name in ("rdpi", "stop")]
     with pytest.raises(InputError, match="lanes with the cores rdpi and stop"):
@@ -83,7 +90,25 @@ def test_lanes_of_two_cores_are_refused() -> None:
 
 
 @every_core
-def test_blocks_cut_anywhere_and_steps_are_one(core: Core) -> None:
+@settings(max_examples=25)
+@given(
+    u=arrays(np.float64, 60, elements=st.floats(-30.0, 30.0, width=32)),
+    cuts=st.lists(st.integers(1, 59), min_size=1, max_size=4),
+    seed=st.integers(0, 2**31),
+)
+def test_any_command_cut_anywhere_gives_the_same_numbers_to_the_last_bit(
+    core: Core, u: Array, cuts: list[int], seed: int
+) -> None:
+    shares = np.random.default_rng(seed).uniform(0.5, 1.5, len(core.gains))
+    model = model_of(core.with_gains((shares * core.gains).tolist()))
+    u[30:33] = u[29]  # a command that stands still
+    parts = Plant(model, TS_S)
+    split = [parts.simulate(part) for part in np.split(u, sorted(set(cuts)))]
+    np.testing.assert_array_equal(np.concatenate(split), Plant(model, TS_S).simulate(u))
+
+
+@every_core
+def test_blocks_of_a_long_walk_and_its_steps_are_one(core: Core) -> None:
     u, model = walk(600), model_of(core)
     u[300:310] = u[299]  # a command that stands still
     whole = run(core, u)
@@ -111,7 +136,8 @@ def test_lanes_keep_numbers_of_their_own(core: Core, lanes: int) -> None:
     together = Plant([model_of(each) for each in cores], TS_S).simulate(u)
     for lane, each in enumerate(cores):
         alone = run(each, u[:, lane].copy())
-        np.testing.assert_allclose(together[:, lane], alone, atol=1e-12 * float(np.ptp(alone)))
+        atol = 1e-12 * float(np.ptp(alone))
+        np.testing.assert_allclose(together[:, lane], alone, rtol=0, atol=atol)
 
 
 @every_core

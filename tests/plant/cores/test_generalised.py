@@ -162,6 +162,14 @@ def test_a_loop_within_is_forgotten_whatever_the_shape(
     assert looped[-1] == pytest.approx(once[-1], abs=1e-12)
 
 
+@given(shapes, st.lists(volts, min_size=1, max_size=8))
+def test_no_command_moves_it_farther_than_its_largest_gain(
+    core: GeneralisedPI, turns: list[float]
+) -> None:
+    y = run(core, np.array(turns))
+    assert np.max(np.abs(y)) <= core.A * np.max(np.abs(turns)) * (1 + 1e-12) + 1e-12
+
+
 def test_small_loops_of_one_size_differ_by_where_they_stand() -> None:
     heights = []
     for bias in (-12.0, 0.0, 12.0):

@@ -72,6 +72,17 @@ def test_it_is_the_sum_of_its_relays(count, share, low):
     np.testing.assert_allclose(columns[:, 1:], moved, atol=1e-12)
 
 
+@given(COMMANDS, st.lists(st.integers(1, 59), min_size=1, max_size=4))
+def test_cut_anywhere_it_gives_the_same_numbers_to_the_last_bit(u, cuts):
+    core = uneven(7)
+    u[30:33] = u[29]  # a command that stands still
+    whole = run(core, u)
+    parts = Plant(PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0)), TS_S)  # type: ignore[arg-type]
+    edges = sorted({0, *cuts, len(u)})
+    pieces = [parts.simulate(u[a:b]) for a, b in pairwise(edges)]
+    np.testing.assert_array_equal(np.concatenate(pieces), whole)
+
+
 @given(COMMANDS)
 def test_what_lies_between_samples_does_not_matter(u):
     core = uneven(6, share=0.5)
@@ -183,6 +194,15 @@ def test_weights_without_symmetry_make_rising_and_falling_branches_unlike():
         falling, rising = y[: len(u) // 2], y[len(u) // 2 :]
         unlike = np.ptp(falling + rising) / np.ptp(y)
         assert unlike < 1e-12 if odd else unlike > 0.05
+
+
+def test_lanes_have_their_own_levels_and_weights():
+    cores = [uneven(6, seed=k, low=-10.0 + k, share=0.5 + 0.1 * k) for k in range(5)]
+    u = np.random.default_rng(1).uniform(-12.0, 12.0, (200, 5))
+    models = [PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0)) for core in cores]  # type: ignore[arg-type]
+    together = Plant(models, TS_S).simulate(u)
+    for lane, core in enumerate(cores):
+        np.testing.assert_array_equal(together[:, lane], run(core, u[:, lane].copy()))
 
 
 def test_memory_of_other_weights_is_the_same_plays():

@@ -93,7 +93,10 @@ def test_the_catalogue_stands_in_the_order_of_the_chain():
     assert all(CATALOGUE[name].name == name for name in CATALOGUE)
 
 
-def test_a_file_of_the_room_holds_the_effect_that_it_is_named_after():
+def test_a_file_of_the_room_is_a_helper_or_holds_the_effect_that_it_is_named_after():
+    files = {path.stem for path in Path(room.__file__).parent.glob("*.py")}
+    helpers = {"__init__", "base", "catalogue", "description", "knots", "linear", "unknown_places"}
+    assert files - {*CATALOGUE, "unknown"} == helpers
     for name in {*CATALOGUE, "unknown"}:
         assert CATALOGUE[name].__module__ == f"{room.__name__}.{name}"
 
