@@ -12,6 +12,7 @@ import argparse
 import math
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -23,6 +24,7 @@ import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.policy import Network, Policy
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of
 from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from rdpi_gym.support.errors import InputError
 
 COLUMNS = ("steps", "reward", "rmse_um", "policy_loss", "value_loss", "approximate_kl")
 """Of ``training.csv``, one row an iteration: means over its steps or minibatches."""
@@ -86,7 +88,8 @@ class Agent(nn.Module):
 
     def policy(self, observation: Tensor) -> torch.distributions.Normal:
         """Return the distribution of actions ``(B, 1)``, not yet clipped to [-1, 1]."""
-        return torch.distributions.Normal(self.actor[:-1](observation), self.log_std.exp())
+        mean, deviation = self.actor[:-1](observation), self.log_std.exp()
+        return torch.distributions.Normal(mean, deviation, validate_args=False)
 
     def value(self, observation: Tensor) -> Tensor:
         """Return the critic's estimate ``(B,)`` of the return."""
@@ -96,6 +99,15 @@ class Agent(nn.Module):
 
 def train(options: Options) -> Path:
     """Train, and write ``policy`` and ``training.csv``."""
+    for name in ("lanes", "episode", "hidden", "rollout", "epochs", "minibatch"):
+        if getattr(options, name) < 1:
+            raise InputError(f"{name} is {getattr(options, name)}; give a whole number above 0")
+    if not 0 <= options.seed < 2**32:
+        raise InputError(f"seed is {options.seed}; give a whole number of 0 to 2^32 - 1")
+    iterations = options.total_steps // (options.lanes * options.rollout)
+    if iterations < 1:
+        least = options.lanes * options.rollout
+        raise InputError(f"total_steps is {options.total_steps}; one rollout takes {least}")
     torch.manual_seed(options.seed)
     torch.set_num_threads(1)  # networks this small gain nothing from more
     lanes, steps = options.lanes, options.rollout
@@ -119,7 +131,6 @@ def train(options: Options) -> Path:
     (size,) = env.single_observation_space.shape
     agent = Agent(size, options.hidden, options.log_std)
     optimiser = torch.optim.Adam(agent.parameters(), lr=options.learning_rate, eps=1e-5)
-    iterations = options.total_steps // (lanes * steps)
     curve = [",".join(COLUMNS)]
 
     # The arrays of a rollout.
@@ -145,10 +156,7 @@ def train(options: Options) -> Path:
             following, reward, _, truncated, infos = env.step(actions[k].numpy())
             observation = torch.from_numpy(following)
             rewards[k], over[k] = torch.from_numpy(reward), torch.from_numpy(truncated)
-            # A truncated lane already shows its next episode; its last observation is in the infos.
-            ends = following.copy()
-            for lane in np.flatnonzero(truncated):
-                ends[lane] = infos["final_obs"][lane]
+            ends = last_observations(following, truncated, infos)
             with torch.no_grad():
                 nexts[k] = agent.value(torch.from_numpy(ends))
             squared_um2 += float(np.mean(infos["error_um"] ** 2))
@@ -163,6 +171,9 @@ def train(options: Options) -> Path:
             for chosen in torch.randperm(steps * lanes).split(options.minibatch):
                 losses.append(update(agent, optimiser, options.clip, [x[chosen] for x in batch]))
         row = [float(rewards.mean()), math.sqrt(squared_um2 / steps), *np.mean(losses, axis=0)]
+        weights = nn.utils.parameters_to_vector(agent.parameters())
+        if not (np.isfinite(row).all() and torch.isfinite(weights).all()):
+            raise InputError(f"diverged in iteration {iteration + 1}; take a lower learning_rate")
         curve.append(",".join(map(str, [(iteration + 1) * steps * lanes, *map(float, row)])))
 
     options.out.mkdir(parents=True, exist_ok=True)
@@ -176,6 +187,16 @@ def train(options: Options) -> Path:
         baseline=options.baseline,
         training={**asdict(options), "out": str(options.out), "algorithm": "ppo_from_scratch"},
     ).save(options.out / "policy")
+
+
+def last_observations(
+    following: np.ndarray[Any, Any], truncated: np.ndarray[Any, Any], infos: dict[str, Any]
+) -> np.ndarray[Any, Any]:
+    """Return the observations at the end of a step: a truncated lane already shows its next episode."""
+    ends = following.copy()
+    for lane in np.flatnonzero(truncated):
+        ends[lane] = infos["final_obs"][lane]
+    return ends
 
 
 def advantages_of(
@@ -223,4 +244,7 @@ def parse(words: list[str] | None = None) -> Options:
 
 
 if __name__ == "__main__":
-    print(train(parse()))
+    try:
+        print(train(parse()))
+    except InputError as error:
+        raise SystemExit(f"error: {error}") from None

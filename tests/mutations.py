@@ -119,7 +119,7 @@ def finder(root: Path, files: list[str]) -> str:
     """The first test that fails, and again alone, or NOTHING."""
     passed_over: list[str] = []
     try:
-        while found := failures(root, files, "-x", *passed_over):
+        while found := failures(root, files, "-x", *passed_over, may_be_none=True):
             if failures(root, found):
                 return found[0]
             passed_over += ["--deselect", found[0]]

@@ -35,20 +35,20 @@ class Trapezoid(Periodic):
         slope = np.where((place < 0.5) | (place >= 3.5), 2.0, 0.0) - 2.0 * ((place >= 1.5) & (place < 2.5))
         return 4.0 * self.frequency_hz * slope
 '''
-CONTROLLER = '''"""``half-rate-inverse``: the classical inverse that believes half of the rate dependence."""
+CONTROLLER = '''"""``tenth-rate-inverse``: the classical inverse that believes a tenth of the rate dependence."""
 
 from dataclasses import replace
 
 from baselines.classical import ClassicalReferenceRate
 
 
-class HalfRateInverse(ClassicalReferenceRate):
-    """The classical inverse at the reference's rate, with half of δ2."""
+class TenthRateInverse(ClassicalReferenceRate):
+    """The classical inverse at the reference's rate, with a tenth of δ2."""
 
-    name = "half-rate-inverse"
+    name = "tenth-rate-inverse"
 
     def compensator_model(self, hysteresis):
-        return replace(hysteresis, delta2_s=0.5 * hysteresis.delta2_s)
+        return replace(hysteresis, delta2_s=0.1 * hysteresis.delta2_s)
 '''
 TASK = '''"""Stiff: a stage whose mode lies beyond what the references excite."""
 
@@ -78,7 +78,7 @@ FIELD = {
 JOBS = {
     "task": {"rdpi_gym/envs/tasks/stiff.py": TASK},
     "signal": {"rdpi_gym/signals/trapezoid.py": SIGNAL},
-    "controller": {"baselines/half_rate_inverse.py": CONTROLLER},
+    "controller": {"baselines/tenth_rate_inverse.py": CONTROLLER},
     "core": CORE,
     "effect": EFFECT,
 }
@@ -95,7 +95,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import SIGNALS
 
 scores = rg.benchmark(
-    ["none", "half-rate-inverse"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
+    ["none", "tenth-rate-inverse"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1
 )
 print(json.dumps({
     "package": rg.__file__, "signals": list(SIGNALS), "cores": list(CORES), "effects": list(CATALOGUE),
@@ -180,8 +180,8 @@ def test_a_new_file_is_found_without_a_list(copy):
     assert said["package"].startswith(str(copy))
     assert "trapezoid" in said["signals"]
     assert "bent" in said["cores"]
-    assert "bend" in said["effects"]
-    assert "half-rate-inverse" in said["controllers"]
+    assert "lever_ratio" in said["effects"]
+    assert "tenth-rate-inverse" in said["controllers"]
     assert said["sentence"] == "Nothing moves."
 
 

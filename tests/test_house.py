@@ -14,6 +14,12 @@ def test_strings_that_name_modules_are_imports():
     assert "baselines" in imports()["rdpi_gym"]  # provide("rdpi_gym.controllers", "baselines:...")
     assert "rdpi_gym.envs.tasks" in imports()["rdpi_gym"]  # f"rdpi_gym.envs.tasks.{...}"
     assert "rdpi_gym.laboratory.opening" in imports()["rdpi_gym"]  # of the stub
+    # among modules whose source is hashed
+    assert "baselines.learned.controller" in imports()["benchmarks.tracking.fingerprint"]
+
+
+def test_an_import_inside_a_function_is_one():
+    assert "baselines.learned.training" in imports()["rdpi_gym.face.training"]
 
 
 def test_no_files_stand_in_a_circle():

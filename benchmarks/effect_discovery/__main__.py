@@ -21,7 +21,7 @@ from argparse import SUPPRESS, Namespace
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from benchmarks.effect_discovery.cases import (
     Engine,
@@ -64,9 +64,10 @@ def options(source: Source | None = None) -> Options:
     found.add_folder(
         "--out", None if source is None else source.out, "folder that results are written to"
     )
-    found.add_argument("--studies", "--study", metavar="NAMES", help="of single, none, ...")
+    found.add_argument("--studies", metavar="NAMES", help="of single, none, ...")
+    found.add_argument("--study", metavar="NAMES", help="another name of --studies")
     found.add_number("--plants", None, "for each subject, or of each study")
-    found.add_argument("--per", type=int, dest="plants", help=SUPPRESS)
+    found.add_number("--per", None, SUPPRESS)  # another name of --plants
     found.add_argument("--effects", metavar="NAMES", help="effects to hide")
     found.add_argument("--part", default="1/1", help="run one part of the cases, such as 1/2")
     found.add_argument(
@@ -96,15 +97,26 @@ def _study(asked: Namespace, source: Source | None, engine: Engine) -> None:
 
 
 def _rows(asked: Namespace, source: Source, out: Path, engine: Engine) -> list[Row]:
-    studies = _names(asked.studies, "--studies", tuple(source.numbers))
+    option, given = _either(asked, "--studies", "--study")
+    studies = _names(given, option, tuple(source.numbers))
     effects = _names(asked.effects, "--effects", source.effects)
-    cases = part_of(source.cases(studies, asked.plants, asked.seed, effects), asked.part)
+    _, plants = _either(asked, "--plants", "--per")
+    cases = part_of(source.cases(studies, plants, asked.seed, effects), asked.part)
     if asked.tables:
         return stored_rows(cases, out)
     code = study_fingerprint(source.module)
     run = partial(run_case, source=source, engine=engine)
     with progress_bar() as show:
         return run_rows(cases, out, run, code, asked.jobs, show, ray_address=asked.ray)
+
+
+def _either(asked: Namespace, *options: str) -> tuple[str, Any]:
+    """Return which of the names of one option was given, and its value."""
+    given = [(each, getattr(asked, each.lstrip("-"))) for each in options]
+    given = [(each, value) for each, value in given if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(options)} are names of one option; give one of them")
+    return given[0] if given else (options[0], None)
 
 
 def _names(given: str | None, option: str, known: Sequence[str]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -372,5 +373,5 @@ def further_fields(discovery: SearchResult, prepared: Prepared, case: Case) -> d
 
 FOREIGN = Source(
     "foreign", "foreign_effects", Path("studies/results/foreign"), NUMBERS, EFFECTS, make_cases,
-    prepare, further_fields,
+    prepare, further_fields, time.process_time,
 )  # fmt: skip

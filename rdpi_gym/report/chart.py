@@ -92,7 +92,8 @@ class Series:
 class Bars:
     """Bars from zero: their places along one axis, their lengths along the other.
 
-    `colour` is one for all or one a bar; `names` are what the hover text calls them as
+    `colour` is one for all or one a bar; `errors` reach to either side of a bar's end, and one that
+    is NaN is not drawn; `names` are what the hover text calls them as
     ``%{hovertext}``; `texts` stand in or beside the bars.
     """
 

@@ -173,7 +173,9 @@ def _draw_bars(axes: Axes, mark: Bars, write: Write) -> None:
     places, width = _places(axes, side, mark.places), mark.width or 0.75
     draw(places, lengths, width, color=mark.colour, label=write(mark.name) if mark.name else None)
     if mark.errors is not None:
-        axes.errorbar(places, lengths, yerr=mark.errors, fmt="none", ecolor=INK, capsize=3)
+        x, y, along = (lengths, places, "x") if mark.horizontal else (places, lengths, "y")
+        reach: Any = {f"{along}err": mark.errors}
+        axes.errorbar(x, y, **reach, fmt="none", ecolor=INK, capsize=3)
 
 
 def _draw_level(axes: Axes, mark: Level, write: Write) -> None:

@@ -58,9 +58,14 @@ def _text(text: str) -> str:
 
 
 def _values(values: Any) -> Any:
-    """Return numbers as they are, and names of categories as Plotly shows them."""
-    is_list = isinstance(values, list | tuple)
-    return [_text(v) if isinstance(v, str) else v for v in values] if is_list else values
+    """Return numbers as they are, and texts, in rows and arrays too, as Plotly shows them."""
+    if isinstance(values, str):
+        return _text(values)
+    if isinstance(values, list | tuple):
+        return [_values(value) for value in values]
+    if hasattr(values, "__array__") and (array := np.asarray(values)).dtype.kind not in "biufcmM":
+        return _values(array.tolist())
+    return values
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -124,7 +129,11 @@ def _draw_series(figure: Any, mark: Series, place: dict[str, int]) -> None:
     if mark.area:
         found |= {"fill": "tozeroy", "fillcolor": "rgba(0, 114, 178, 0.15)"}
     if mark.texts is not None:
-        found |= {"text": mark.texts, "textposition": "top center", "cliponaxis": False}
+        found |= {
+            "text": _values(list(mark.texts)),
+            "textposition": "top center",
+            "cliponaxis": False,
+        }
     if not (mark.listed and mark.name):
         found["showlegend"] = False
     if not mark.visible:
@@ -149,12 +158,14 @@ def _draw_bars(figure: Any, mark: Bars, place: dict[str, int]) -> None:
     if mark.width is not None:
         found["width"] = mark.width
     if mark.errors is not None:
-        found["error_y"] = {"type": "data", "array": mark.errors}
+        along = "x" if mark.horizontal else "y"
+        found[f"error_{along}"] = {"type": "data", "array": mark.errors}
     if mark.names is not None:
         found["hovertext"] = _values(list(mark.names))
     if mark.texts is not None:
         found |= {
-            "text": mark.texts, "textposition": "auto", "insidetextanchor": "end", "textangle": 0,
+            "text": _values(list(mark.texts)), "textposition": "auto", "insidetextanchor": "end",
+            "textangle": 0,
         }  # fmt: skip
     figure.add_bar(
         marker_color=mark.colour, showlegend=bool(mark.name), **found, **_hover(mark.hover), **place

@@ -74,7 +74,7 @@ def comparison_chart(comparison: Comparison) -> Chart:
         displacement_panel(overlays, k, dash="dot"), title=f"{trace.name} ({trace.role})"
     )
     loop = displacement_panel(overlays, k, COMMAND, dash="dot")
-    return side_by_side([first, replace(loop, y=Axis()), residual_panel(overlays, k)])
+    return side_by_side([first, replace(loop, y=Axis()), residual_panel(overlays, k, masked=True)])
 
 
 def models_chart(found: ModelComparison) -> Chart:
@@ -87,11 +87,11 @@ def models_chart(found: ModelComparison) -> Chart:
         dict(zip(found.names, (c.traces[place] for c in found.comparisons), strict=True))
     )
     first = overlays[0].trace
-    over_t = replace(residual_panel(overlays, k), title=f"{first.name} ({first.role})")
+    over_t = replace(residual_panel(overlays, k, masked=True), title=f"{first.name} ({first.role})")
     panels = [
         displacement_panel(overlays, k, COMMAND),
         over_t,
-        residual_panel(overlays, k, COMMAND),
+        residual_panel(overlays, k, COMMAND, masked=True),
     ]
     return side_by_side([panels[0], panels[1], replace(panels[2], y=Axis())])
 
@@ -381,4 +381,4 @@ def models_largest_error(traces: Mapping[str, Trace], samples: int) -> Chart:
 
 def models_loops(traces: Mapping[str, Trace]) -> Chart:
     """Draw the loops of a record and every model of it, and each model's residual along them."""
-    return loops(_overlays(traces), _MODELS_LOOPS, height_px=500)
+    return loops(_overlays(traces), _MODELS_LOOPS, height_px=500, masked=True, settled=True)

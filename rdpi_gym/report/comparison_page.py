@@ -93,7 +93,7 @@ def _sections(comparison: Comparison) -> list[Section]:
             "Loops",
             f"{found['gain']}\n\nWhere the two loops differ, the model's shape is wrong; on the "
             "right the difference, enlarged. Of a long record, loops are picked evenly over its length.",
-            {name: loops(one_model(trace), 2 * samples) for name, trace in shown.items()},
+            {n: loops(one_model(trace), 2 * samples, settled=True) for n, trace in shown.items()},
         ),
         Section(
             "Error by direction",

@@ -27,9 +27,18 @@ from rdpi_gym.report.chart import (
 from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.comparison import MEAN_UM, RMS_UM
 from rdpi_gym.report.discovery_text import staircase
-from rdpi_gym.report.style import INK, MODEL, MUTED, PALETTE
+from rdpi_gym.report.style import INK, MEASURED, MODEL, MUTED, PALETTE
 from rdpi_gym.report.thin import DISPLAY_SAMPLES, around_largest_error, thin_index
-from rdpi_gym.report.traces import COMMAND, FLOOR, Overlay, loops, noise_band, over_time
+from rdpi_gym.report.traces import (
+    COMMAND,
+    DISPLACEMENT_UM,
+    FLOOR,
+    TIME,
+    Overlay,
+    loops,
+    noise_band,
+    over_time,
+)
 
 BEFORE, AFTER = PALETTE[1], MODEL
 """Colours of the first model and of the last, on every figure of a search."""
@@ -175,7 +184,7 @@ def _error_bars(candidates: Sequence[Candidate], taken: Sequence[str], reach: fl
             [c.effect for c in members],
             [_length(c.errors.validation_rmse_um, reach) for c in members],
             group, colour, width=0.68, texts=[_bar_text(c, reach) for c in members],
-            names=[_hover(c) for c in members], hover="%{hovertext}",
+            names=[_hover(c) for c in members], hover="<b>%{y}</b><br>%{hovertext}",
         )
         for group, (colour, members) in groups.items() if members
     ]  # fmt: skip
@@ -213,7 +222,6 @@ def _bar_text(candidate: Candidate, reach: float) -> str:
 def _hover(candidate: Candidate) -> str:
     errors = candidate.errors
     lines = [
-        candidate.effect,
         f"validation {errors.validation_rmse_um:.4g} {{output_unit}}, "
         f"training {errors.train_rmse_um:.4g} {{output_unit}}",
     ]
@@ -259,7 +267,9 @@ def _finite(value: float) -> float | None:
 def _looks(labels: Sequence[str]) -> dict[str, tuple[str, bool]]:
     """Give every model its colour: the first orange, the last blue, those between on demand."""
     found = {label: (_BETWEEN[i % len(_BETWEEN)], False) for i, label in enumerate(labels)}
-    return found | {labels[0]: (BEFORE, True)} | {labels[-1]: (AFTER, True)}
+    if labels:
+        found |= {labels[0]: (BEFORE, True)} | {labels[-1]: (AFTER, True)}
+    return found
 
 
 def _overlays(view: View) -> list[Overlay]:
@@ -272,6 +282,10 @@ def _overlays(view: View) -> list[Overlay]:
 def view_over_time(view: View, noise_floor_um: float, samples: int = DISPLAY_SAMPLES) -> Chart:
     """Draw measured and modelled displacement over time, below them the residuals."""
     overlays = _overlays(view)
+    if not overlays:
+        k = thin_index(view.y_um, samples=samples)
+        measured = Series(view.t_s[k], single(view.y_um[k]), "measured", MEASURED)
+        return Chart([Panel([measured], TIME, Axis(DISPLACEMENT_UM))])
     # of the first model and of the last no peak may be lost
     ends = [overlay.trace.residual_um for overlay in (overlays[0], overlays[-1])]
     k = thin_index(view.y_um, *ends, samples=samples)

@@ -58,10 +58,10 @@ def _weights(result: FitResult) -> Panel:
         hysteresis.weights,
         horizontal=False,
         width=0.6 * thresholds[1],
-        errors=np.where(np.isfinite(errors), Z95 * errors, 0.0),
+        errors=np.where(np.isfinite(errors), Z95 * errors, np.nan),
         hover="%{x:.4g} {input_unit}: %{y:.4g} {output_unit}/{input_divisor}",
     )
-    weight = Axis("Weight ({output_unit}/{input_divisor})")
+    weight = Axis("Weight ({output_unit}/{input_divisor}), 95 % interval")
     return Panel([bars], Axis("Threshold at rest ({input_unit})"), weight)
 
 

@@ -117,17 +117,23 @@ def residual_panel(
     k: Index,
     x: Axis = TIME,
     *,
+    masked: bool = False,
+    settled: bool = False,
     noise_um: float | None = None,
     label: str = DIFFERENCE_UM,
 ) -> Panel:
-    """Return measured minus model of each, and the noise floor as a band; limits fit what counts."""
+    """Return measured minus model of each, and the noise floor as a band; limits fit what counts.
+
+    `masked`: samples left out of the error interrupt the line. `settled`: the stretch before the
+    first reversal is drawn, but does not set the scale.
+    """
     first = overlays[0].trace
     at = _abscissa(first, k, x)
     marks: list[Mark] = []
     for each in overlays:
         residual = each.trace.residual_um
-        if x is COMMAND:
-            residual = np.where(first.counted, residual, np.nan)
+        if masked:
+            residual = np.where(each.trace.counted, residual, np.nan)
         marks.append(
             Series(
                 at, gapped(residual, k), each.residual or each.name, RESIDUAL if each.residual else each.colour,
@@ -138,7 +144,7 @@ def residual_panel(
     noise = [] if noise_um is None else [np.array([-noise_um, noise_um])]
     if noise_um is not None:
         marks.append(noise_band(noise_um))
-    known = _scaling(first, k, x)
+    known = _scaling(first, k, settled)
     shown = [each.trace.residual_um[known] for each in overlays if each.visible]
     limits = limits_of(*shown, *noise) if known.size else None
     return Panel(marks, x, Axis(label, limits=limits))
@@ -157,7 +163,7 @@ def over_time(
     """Draw displacement over time and below it the residual; shade what is left out of the error."""
     first = overlays[0].trace
     above = displacement_panel(overlays, k, dash=dash)
-    known = _scaling(first, k, TIME)
+    known = _scaling(first, k)
     shown = [each.trace.model_um[known] for each in overlays if each.visible]
     above = replace(
         above,
@@ -174,12 +180,12 @@ def loops(
     *,
     title: str = "Residual along the loops",
     height_px: int = 480,
-    noise_um: float | None = None,
+    **residual: Any,
 ) -> Chart:
     """Draw displacement over the command, and beside it the residual; of one model by direction."""
     first = overlays[0].trace
     k = loop_index(first, samples)
-    right = residual_panel(overlays, k, COMMAND, noise_um=noise_um)
+    right = residual_panel(overlays, k, COMMAND, **residual)
     if overlays[0].residual:
         u, rising = gapped(first.u_V, k), first.cycles.by_sample(first.cycles.rising)
         marks = [
@@ -215,11 +221,10 @@ def _abscissa(trace: Trace, k: Index, x: Axis) -> Any:
     return gapped(trace.u_V, k) if x is COMMAND else at
 
 
-def _scaling(trace: Trace, k: Index, x: Axis) -> Index:
+def _scaling(trace: Trace, k: Index, settled: bool = False) -> Index:
     """Return the samples that set the scale of an axis: those that count, where any does."""
-    if x is COMMAND:
-        # the stretch before the first reversal is drawn, but does not set the scale
-        return k[k >= trace.cycles.edges[1]] if trace.cycles.edges.size > 3 else k[k >= 0]
+    edges = trace.cycles.edges
+    k = k[k >= (edges[1] if settled and edges.size > 3 else 0)]
     return k[trace.counted[k]] if trace.counted[k].any() else k
 
 

@@ -1,4 +1,4 @@
-"""PPO of our own: what Stable-Baselines3 computes on the same rollout."""
+"""PPO of our own: what Stable-Baselines3 computes on the same rollout, and exact continuation."""
 
 from pathlib import Path
 
@@ -9,16 +9,18 @@ pytest.importorskip("torch")
 
 import torch
 
+from baselines.learned import environments
 from baselines.learned.folder import Run
 from baselines.learned.native.learner import Lanes, NativeLearner
 from baselines.learned.native.networks import ActorCritic, Workspace
 from baselines.learned.native.update import Batch, Law, NativePPO, Updater, estimate_advantages
 from baselines.learned.options import PLANTS, TrainingOptions
 from baselines.learned.settings import Settings
-from baselines.learned.training import NativeOptions
+from baselines.learned.training import NativeOptions, trainer
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
 from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
+from rdpi_gym.support.errors import InputError
 
 STEPS, LANES, INPUTS, HIDDEN = 24, 5, 7, (16, 12)
 YAML = """
@@ -35,11 +37,15 @@ default:
 """
 
 
-def learner(tmp_path, more=""):
+def options(tmp_path, folder="run", more="", **fields):
     path = tmp_path / "native.yml"
     path.write_text(YAML + more)
-    options = NativeOptions(out=tmp_path / "run", hyperparameters=path, action="increment")
-    return NativeLearner(Run.open(options, "native-ppo", NativePPO))
+    given = {"out": tmp_path / folder, "hyperparameters": path, "action": "increment"}
+    return NativeOptions(**(given | fields))
+
+
+def learner(tmp_path, more=""):
+    return NativeLearner(Run.open(options(tmp_path, more=more), "native-ppo", NativePPO))
 
 
 def reference_model(**arguments):
@@ -218,3 +224,34 @@ def test_the_policy_acts_as_the_networks_mean_does(tmp_path):
     mean = one.both.forward(rows, Workspace(one.both.widths))[0]
     action = torch.nn.Sequential(*one.actor())(rows)
     torch.testing.assert_close(action, mean.clamp(-1.0, 1.0), rtol=1e-5, atol=1e-6)
+
+
+def test_an_interruption_changes_no_bit_of_the_result(tmp_path, monkeypatch):
+    for name, value in {"LANES": 4, "SAMPLES": 30, "FIRST": 5}.items():
+        monkeypatch.setattr(environments, name, value)
+
+    def show(stage, done, total):
+        if done >= 200:  # between two checkpoints
+            raise KeyboardInterrupt
+
+    native = trainer("native-ppo")
+    whole, cut = (options(tmp_path, name, every=160, episode=25) for name in ("whole", "cut"))
+    native.train(whole)
+    with pytest.raises(KeyboardInterrupt):
+        native.train(cut, show)
+    native.train(cut)
+    for name in ("policy/weights.pt", "checkpoint/000000000400/model.pt"):
+        assert (cut.out / name).read_bytes() == (whole.out / name).read_bytes(), name
+
+
+def test_bad_input_and_divergence_are_one_line(tmp_path):
+    for more, fields, message in (
+        ("  horizon_s: 0\n", {}, "horizon_s is 0; give a finite number above 0"),
+        ("", {"lanes": 3}, "3 lanes for 4 plants"),
+    ):
+        with pytest.raises(InputError, match=message) as caught:
+            trainer("native-ppo").train(options(tmp_path, more=more, **fields))
+        assert "\n" not in str(caught.value)
+        assert not (tmp_path / "run").exists(), message
+    with pytest.raises(InputError, match=r"diverged .* lower learning_rate"):
+        trainer("native-ppo").train(options(tmp_path, more="  learning_rate: 1.0e+38\n"))

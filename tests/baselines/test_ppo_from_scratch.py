@@ -1,6 +1,8 @@
 """`examples/ppo_from_scratch.py` of docs/interoperability.md: it learns, ends with a policy, and its seed reproduces it."""
 
 import runpy
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +17,10 @@ import torch
 from baselines import make_controller
 from baselines.learned.policy import Policy
 from rdpi_gym.plant import named_plant
+from rdpi_gym.support.errors import InputError
 
-EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "ppo_from_scratch.py"))
+PATH = Path(__file__).parents[2] / "examples" / "ppo_from_scratch.py"
+EXAMPLE = runpy.run_path(str(PATH))
 Agent, Options, train = (EXAMPLE[name] for name in ("Agent", "Options", "train"))
 SMALL = {
     "total_steps": 3 * 8 * 16, "lanes": 8, "rollout": 16, "episode": 20, "history": 2,
@@ -45,6 +49,15 @@ def test_a_tiny_run_ends_with_a_policy_that_its_seed_reproduces(tmp_path):
         assert all(torch.equal(found[name], trained[name]) == same for name in trained), seed
 
 
+def test_the_last_observation_of_an_episode_is_not_the_first_of_the_next():
+    following = np.zeros((3, 2), dtype=np.float32)
+    last = np.array([None, np.ones(2, dtype=np.float32), None], dtype=object)
+    over = np.array([False, True, False])
+    ends = EXAMPLE["last_observations"](following, over, {"final_obs": last})
+    np.testing.assert_array_equal(ends, [[0, 0], [1, 1], [0, 0]])
+    assert not following.any()
+
+
 def test_an_episode_that_was_cut_counts_with_the_value_of_its_last_observation():
     rewards, values = torch.tensor([[1.0], [2.0]]), torch.tensor([[1.0], [4.0]])
     nexts, over = torch.tensor([[6.0], [8.0]]), torch.tensor([[1.0], [0.0]])
@@ -57,3 +70,30 @@ def test_an_episode_that_was_cut_counts_with_the_value_of_its_last_observation()
 def test_options_are_read_from_words():
     found = EXAMPLE["parse"](["--total-steps", "9000", "--learning-rate", "0.01"])
     assert (found.total_steps, found.learning_rate, found.gamma) == (9000, 0.01, 0.95)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"lanes": 0}, "lanes is 0"),
+        ({"total_steps": 100}, "total_steps is 100; one rollout takes 128"),
+        ({"seed": -1}, "seed is -1"),
+        ({"plant": "P11"}, "P11"),
+        ({"baseline": "nobody"}, "nobody"),
+        ({"history": -1}, "history is -1"),
+        ({"learning_rate": 1e30}, "diverged in iteration"),
+    ],
+)
+def test_bad_options_are_one_line_and_nothing_is_written(tmp_path, fields, message):
+    with pytest.raises(InputError, match=message) as caught:
+        train(Options(out=tmp_path / "run", **(SMALL | fields)))
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_command_that_trains_nothing_says_so_in_one_line(tmp_path):
+    words = [sys.executable, str(PATH), "--total-steps", "100", "--out", str(tmp_path / "run")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "error: total_steps is 100; one rollout takes 8192\n"
+    assert not list(tmp_path.iterdir())

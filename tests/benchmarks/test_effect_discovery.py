@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+import time
 from collections import Counter
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
@@ -406,7 +407,7 @@ def test_agreement_is_with_the_same_draw():
 
 def discovery(names, views=(), effects=(), verdict="explained"):
     errors = Errors(0.01, 0.01, 0.1, {})
-    added = [Candidate(n, errors, {}, {}, 0.9, 0.9, (), "") for n in names]
+    added = [Candidate(n, errors, {"size": 1.0}, {"size": None}, 0.9, 0.9, (), "") for n in names]
     said = {
         "kind": "discovery", "title": "", "plant": replace(P10, effects=tuple(effects)),
         "steps": steps_of(added), "rounds": (tuple(added),), "noise_floor_um": 0.01, "noise_origin": "",
@@ -512,6 +513,18 @@ def test_masked_and_failed_cases_are_told_apart(quick, tmp_path):
     assert "No draw shows, beside noise or each other: mains_hum." in text
 
 
+def test_seconds_of_a_row_are_those_of_its_source(quick):
+    """Of the independent truth as they pass, of the foreign one those of the processor."""
+
+    def sleeps(dataset, seed):
+        time.sleep(0.2)
+        return silent(dataset, seed)
+
+    apart = replace(quick, clock=FOREIGN.clock)
+    passed, worked = (run_case(Case("none", (), 0), s, sleeps)["seconds"] for s in (quick, apart))
+    assert passed >= 0.2 > worked
+
+
 def test_an_interrupted_study_continues_and_rows_of_changed_code_are_set_aside(quick, tmp_path):
     cases = independent.make_cases(["single"], 2, effects=["creep", "delay"])
     seen, done, notes = [], [], []
@@ -567,6 +580,7 @@ def test_rows_are_json():
     found = row_of(case, INDEPENDENT, lambda dataset, seed: discovery(["creep"]))
     assert (found["status"], found["truth"]["hidden"][0]["effect"]) == ("done", "gain_drift")
     assert found["ranking"][0]["effect"] == found["steps"][0]["effect"] == "creep"
+    assert found["steps"][0]["parameters"] == {"size": 1.0}
     assert found["key"] == "single/gain_drift/0/seed 0/plain"
     found = row_of(Case("none", (), 1), FOREIGN, fails)
     assert (found["status"], found["error"]) == ("failed", "ValueError: no idea")
@@ -626,16 +640,18 @@ def test_committed_tables_are_those_of_the_committed_rows(command, folder, seed,
 
 
 REFUSED = [
-    (hidden_effects, ["--study", "singel"], "did you mean 'single'"),
+    (hidden_effects, ["--study", "singel"], "--study: 'singel' is unknown (did you"),
+    (hidden_effects, ["--study", "none", "--studies", "none"], "--studies and --study are names"),
     (hidden_effects, ["--effects", "crep"], "did you mean 'creep'"),
     (hidden_effects, ["--plants", "0"], "--plants is 0"),
     (hidden_effects, ["--jobs", "0"], "--jobs is 0"),
     (hidden_effects, ["--seed", "-1"], "--seed is -1"),
     (hidden_effects, ["--tables"], "has no row of these cases"),
-    (foreign_effects, ["--studies", "singel"], "did you mean 'single'"),
+    (foreign_effects, ["--studies", "singel"], "--studies: 'singel' is unknown (did"),
     (foreign_effects, ["--part", "3/2"], "--part is"),
     (foreign_effects, ["--part", "half"], "for example 1/2"),
-    (foreign_effects, ["--per", "0"], "--plants is 0"),
+    (foreign_effects, ["--per", "0"], "--per is 0"),
+    (foreign_effects, ["--per", "1", "--plants", "1"], "--plants and --per are names"),
     (foreign_effects, ["--tables"], "has no row of these cases"),
 ]
 

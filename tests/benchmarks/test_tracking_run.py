@@ -247,15 +247,17 @@ def test_a_controller_of_ones_own_scores_as_the_same_baseline(tmp_path, mine):
 def test_a_controller_that_fails_leaves_rows_that_say_so_and_the_others_go_on(
     tmp_path, mine, name, reason
 ):
+    out = tmp_path / name  # where no row of "none" is stored yet
     selection = small([f"{mine}:{name}", "none"])
-    outcome = run.benchmark(selection, tmp_path, jobs=1)
+    outcome = run.benchmark(selection, out, jobs=1)
+    assert outcome.computed == len(outcome.rows)
     failed = [row for row in outcome.rows if row["controller"] == f"{mine}:{name}"]
     assert all(row["status"].startswith(reason) for row in failed)
     results = evaluate(selection, outcome)
     assert results.order == ["none", f"{mine}:{name}"]
-    text = write_tables(tmp_path, results).read_text()
+    text = write_tables(out, results).read_text()
     assert "error 10/10" in text
-    table = pd.read_csv(tmp_path / "leaderboard.csv")
+    table = pd.read_csv(out / "leaderboard.csv")
     assert tuple(table.columns) == COLUMNS
     numbers = table.drop(columns=["microseconds_per_sample", "status"])
     assert numbers.loc[table["controller"] == "none"].notna().all().all()

@@ -87,6 +87,17 @@ def test_an_effect_that_is_there_is_chosen_in_every_split_and_one_that_is_not_in
     assert found["creep"].without_um < 1.05 * NOISE_UM
 
 
+def test_an_effect_is_as_sure_as_its_strongest_rival_leaves_it():
+    setting = setting_of(BENT)
+    fit = refit(setting, comb(setting.train), (), CATALOGUE["asymmetry"])
+    (own,) = fit.fit.variant.effects
+    idle = CATALOGUE["creep"](1e-9)
+    for rivals in ((idle,), (own, idle)):  # one explains nothing, the other all that it does
+        found = stability(setting, fit, {"asymmetry": rivals}, False, 0, quiet_report)
+        confidence = found["asymmetry"].confidence
+        assert confidence < 0.6 if own in rivals else confidence > 0.99, rivals
+
+
 def test_the_numerical_floor_falls_with_the_square_of_the_sampling_time():
     mode = Variant(P10.hysteresis, (CATALOGUE["resonance"](60.0, 0.1),))
     slow, fast = (

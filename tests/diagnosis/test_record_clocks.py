@@ -96,6 +96,7 @@ def test_a_discovery_says_it_and_what_to_check():
     assert len(said) == 1
     assert said[0].sentence in lines(found)
     assert found.next_experiment == said[0].next_step
-    assert SearchResult.from_dict(found.to_dict()).findings == found.findings
+    again = SearchResult.from_dict(found.to_dict())
+    assert [f.to_dict() for f in again.findings] == [f.to_dict() for f in found.findings]
     quiet = discover(protocol(), catalogue=few)
     assert quiet.findings == ()

@@ -19,6 +19,7 @@ from rdpi_gym.firmware.writing.source import Source, header_text, source_text
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]  # fmt: skip
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 needs_compiler = pytest.mark.skipif(not (COMPILERS or shutil.which("cc")), reason="no C compiler")
+needs_gcc_or_clang = pytest.mark.skipif(not COMPILERS, reason="neither gcc nor clang here")
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no gcc here")
 
 

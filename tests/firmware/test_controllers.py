@@ -116,9 +116,13 @@ def test_any_core_is_inverted_by_the_same_search(tmp_path: Path) -> None:
 
 
 @needs_gcc
-def test_learned_policies_and_single_precision_are_as_near_as_floats(tmp_path: Path) -> None:
+def test_single_precision_is_as_near_as_floats(tmp_path: Path) -> None:
     for name in ("pi-classical-reference-rate", "core-inverse", "pi-preview"):
         assert off_by(controller_program(name, P10, TS_S), tmp_path, single=True) <= 1e-5, name
+
+
+@needs_gcc
+def test_learned_policies_are_as_near_as_floats(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="torch is not installed")
     for name in ("learned:ppo-increment", "learned:ppo-correction", "learned:imitation-stage",
                  "guarded:ppo-increment"):  # fmt: skip

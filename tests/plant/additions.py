@@ -1,7 +1,7 @@
 """Files that add an effect and a core to a copy of the checkout, as CONTRIBUTING.md asks for them."""
 
 EFFECT = {
-    "rdpi_gym/plant/effects/bend.py": '''"""Bend: a lever whose ratio changes with its angle."""
+    "rdpi_gym/plant/effects/lever_ratio.py": '''"""Lever ratio: a lever whose ratio changes with its angle."""
 from dataclasses import dataclass
 
 from numba import njit
@@ -22,7 +22,7 @@ class Bend(Effect):
 
     share: float = 0.01
 
-    name = "bend"
+    name = "lever_ratio"
     slot = "output"
     order = 5
     parameters = (Parameter("share", "1", 0.0, 0.5, (0.005, 0.02), "share at 10 µm", 0.0),)
@@ -39,7 +39,7 @@ class Bend(Effect):
     def state_rows(self, ts_s):
         return 0
 ''',
-    "baselines/inverses/bend.py": '''"""Bend undone by Newton's method."""
+    "baselines/inverses/lever_ratio.py": '''"""Bend undone by Newton's method."""
 import numpy as np
 
 from baselines.inverses.base import Inverse
@@ -48,7 +48,7 @@ from baselines.inverses.base import Inverse
 class BendInverse(Inverse):
     """The root of x + c x³ = y."""
 
-    effect = "bend"
+    effect = "lever_ratio"
 
     def __init__(self, effect, setting, ahead=0):
         super().__init__(effect, setting, ahead)
@@ -63,7 +63,7 @@ class BendInverse(Inverse):
     "rdpi_gym/virtual_lab/independent/lever.py": '''"""A lever, independently of the plant's stages."""
 from rdpi_gym.virtual_lab.independent.twin import Twin
 
-TWINS = (Twin("bend", 16, 15, lambda grid, share: lambda x: x * (1.0 + share * (x / 10.0) ** 2)),)
+TWINS = (Twin("lever_ratio", 16, 15, lambda grid, share: lambda x: x * (1.0 + share * (x / 10.0) ** 2)),)
 ''',
 }
 """A lever whose ratio changes with its angle: the effect, its inverse, an independent formulation."""

@@ -1,8 +1,13 @@
 """One description of a figure is drawn alike by both plotting libraries."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pandas as pd
+import pytest
 from matplotlib.figure import Figure
 
+from rdpi_gym.plant import P5
 from rdpi_gym.report.chart import (
     Axis,
     Bands,
@@ -17,6 +22,7 @@ from rdpi_gym.report.chart import (
 )
 from rdpi_gym.report.chart_matplotlib import chart_png, draw_chart
 from rdpi_gym.report.chart_plotly import plotly_figure
+from rdpi_gym.report.fit import fit_chart
 
 NAMES = ["a <b>$x$</b>", "second"]
 
@@ -72,3 +78,59 @@ def test_names_are_plain_text_in_both():
 def test_the_same_chart_is_the_same_picture():
     chart = Chart([Panel([Series([0.0, 1.0], [0.0, 1.0])])])
     assert chart_png(chart, (3.0, 2.0)) == chart_png(chart, (3.0, 2.0))
+
+
+SCRIPT = "<script>alert(1)</script>"
+
+
+@pytest.mark.parametrize(
+    "mark",
+    [
+        Series([0.0], [1.0], marker="circle", texts=[SCRIPT]),
+        Bars([0.0], [1.0], texts=[SCRIPT]),
+        Bars([0.0], [1.0], names=[SCRIPT]),
+        Bars(np.array([SCRIPT]), [1.0]),
+        Series([0.0], [1.0], data=[SCRIPT]),
+        Series([0.0], [1.0], data=[[SCRIPT, 2.0]]),
+        Series([0.0], [1.0], data=np.array([[SCRIPT]])),
+        Series([0.0], [1.0], data=np.array([[SCRIPT, 2.0]], dtype=object)),
+        Series([0.0], [1.0], data=pd.Series([SCRIPT])),
+        Series([0.0], [1.0], data=pd.DataFrame({"name": [SCRIPT], "value": [2.0]})),
+    ],
+)
+def test_no_text_reaches_plotly_as_markup(mark):
+    drawn = str(plotly_figure(Chart([Panel([mark])])).to_dict()["data"])
+    assert "<script>" not in drawn
+    assert "&lt;script&gt;" in drawn
+
+
+def test_numbers_pass_as_they_are():
+    data = np.array([[1.0, 2.0]])
+    drawn = plotly_figure(Chart([Panel([Series([0.0], [1.0], data=data)])])).data[0]
+    np.testing.assert_array_equal(drawn.customdata, data)
+
+
+@pytest.mark.parametrize(("horizontal", "along"), [(True, 0), (False, 1)])
+def test_errors_of_bars_lie_along_them_and_unknown_ones_are_not_drawn(horizontal, along):
+    bars = Bars([0.0, 1.0], [5.0, 7.0], horizontal=horizontal, errors=np.array([0.5, np.nan]))
+    chart = Chart([Panel([bars])])
+    bar = plotly_figure(chart).data[0]
+    errors, other = (bar.error_x, bar.error_y) if horizontal else (bar.error_y, bar.error_x)
+    np.testing.assert_array_equal(errors.array, [0.5, np.nan])
+    assert other.array is None
+    axes = draw_chart(Figure(), chart)
+    first, second = axes.collections[0].get_segments()
+    assert first[:, along].tolist() == [4.5, 5.5]
+    assert first[:, 1 - along].tolist() == [0.0, 0.0]
+    assert second.size == 0
+    for cap in axes.get_lines():
+        assert not np.isfinite(cap.get_xydata()[1, along])
+
+
+def test_a_weight_that_the_data_do_not_determine_has_no_interval():
+    count = len(P5.hysteresis.weights)
+    errors = {f"a_{i}": 0.01 for i in range(count)} | {"a_1": np.inf}
+    result = SimpleNamespace(plant=P5, standard_errors=errors, rmse_um={"sine": 0.02})
+    panel = fit_chart(result).panels[0]
+    assert panel.y.label.endswith(", 95 % interval")
+    assert np.flatnonzero(np.isnan(panel.marks[0].errors)).tolist() == [1]

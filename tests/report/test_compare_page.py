@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis import compare
+from rdpi_gym.diagnosis import compare, compare_several
 from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import P5, Plant, named_plant
 from rdpi_gym.report import comparison as charts
@@ -188,3 +188,46 @@ def test_left_out_stretches_are_shaded():
     # 100 to 299; and the last: a quarter of the 999 that count is held out for validation
     (band,) = marks(charts.time_traces(trace, 3000), Bands)
     assert set(band.spans) == {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-250], trace.t_s[-1])}
+
+
+def wild():
+    """Return a record with its largest error that counts beside wild values that do not."""
+    record = sine()
+    counted = np.ones(record.t_s.size, dtype=bool)
+    counted[250:290] = False
+    y_um = np.where(counted, record.y_um, 1e3)
+    y_um[300:340] += 0.5 * np.hanning(40)
+    return Dataset("one", (replace(record, y_um=y_um, error_mask=counted),))
+
+
+def residuals_drawn(chart, trace):
+    """Yield the residuals over time of a chart, whether each sample counts, and the axis' limits."""
+    for panel in chart.panels:
+        if panel.y.label.startswith("Measured") and panel.x.label.startswith("Time"):
+            for line in panel.marks:
+                yield line.y, trace.counted[np.searchsorted(trace.t_s, line.x)], panel.y.limits
+
+
+def test_a_plot_interrupts_the_residual_over_time_where_samples_are_left_out():
+    found = compare(wild(), named_plant("P5-static"))
+    both = compare_several(wild(), {"a": named_plant("P5-static"), "b": P5})
+    drawn = [
+        *residuals_drawn(charts.comparison_chart(found), found.traces[0]),
+        *residuals_drawn(charts.models_chart(both), both.comparisons[0].traces[0]),
+    ]
+    assert len(drawn) == 3
+    for residual, counted, limits in drawn:
+        assert counted.any()
+        assert not counted.all()
+        np.testing.assert_array_equal(np.isfinite(residual), counted)
+        assert limits[1] < 100.0
+    over_command = charts.models_chart(both).panels[2]
+    assert all(np.nanmax(line.y) < 100.0 for line in over_command.marks)
+    assert over_command.y.limits is None  # it shares that of the panel beside it
+
+
+def test_a_page_draws_the_residual_over_time_whole_and_shades_what_is_left_out():
+    trace = compare(wild(), named_plant("P5-static")).traces[0]
+    *_, residual = marks(charts.time_traces(trace, 3000), Series)
+    assert np.isfinite(residual.y).all()
+    assert np.max(residual.y) > 900.0

@@ -274,6 +274,31 @@ def test_models_between_first_and_last_wait_for_a_click(made_discovery):
     assert visible["both"] is True
 
 
+def test_loops_keep_an_early_peak_on_the_axis(made_discovery):
+    view = made_discovery().views[0]
+    y = view.y_um.copy()
+    y[20] += 3.0  # before the first reversal
+    chart = charts.view_loops(replace(view, y_um=y, counted=np.ones(y.size, dtype=bool)), 0.02)
+    low, high = chart.panels[1].y.limits
+    drawn = [line.y for line in chart.panels[1].marks if isinstance(line, Series) and line.visible]
+    assert low < min(map(np.nanmin, drawn))
+    assert high > max(map(np.nanmax, drawn)) > 2.9
+
+
+def test_a_view_without_models_shows_the_measurement(made_discovery):
+    view = replace(made_discovery().views[0], models_um={})
+    (line,) = marks(charts.view_over_time(view, 0.02), Series)
+    assert line.name == "measured"
+    assert not marks(charts.residuals({}, 0.02, 1e-3), Series)
+
+
+def test_the_name_of_a_candidate_is_bold_and_plain_text(made_discovery):
+    first = next(iter(candidates.candidate_sections(made_discovery())[0].figure.values()))
+    for bar in (trace for trace in plotly_figure(first).data if trace.type == "bar"):
+        assert bar.hovertemplate.startswith("<b>%{y}</b><br>%{hovertext}")
+        assert all(text.startswith("validation ") for text in bar.hovertext)
+
+
 def test_every_axis_carries_its_unit(made_discovery):
     result = made_discovery()
     figures = []

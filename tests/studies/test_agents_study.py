@@ -14,7 +14,7 @@ from studies.agents import scores, training
 from studies.agents.__main__ import main
 from studies.agents.scores import GAP, GROUPS, with_literal
 from studies.agents.tables import estimate, interquartile_mean, summarise
-from studies.agents.training import QUICK, all_trainings
+from studies.agents.training import FULL, QUICK, all_trainings
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +109,17 @@ def test_a_literal_plant_is_the_other_without_its_low_pass():
         assert literal.hysteresis.rate_bandwidth_hz is None
         assert literal.with_hysteresis(literal.hysteresis.band_limited(limit)) == own
         assert not world.belief.effects
+
+
+def test_the_full_study_has_what_it_is_to_compare():
+    assert len(FULL.seeds) == 5
+    assert {agent.name for agent in FULL.agents} == {
+        "ppo-correction", "ppo-increment", "sac-correction", "sac-increment",
+    }  # fmt: skip
+    assert set(FULL.domains) == set(GAP)
+    kinds = [one.kind for one in scores.contestants(FULL.rivals, [])]
+    assert kinds.count("preview") == 1
+    assert min(kinds.count("feedforward"), kinds.count("feedback")) > 4
 
 
 def test_the_interquartile_mean_is_moved_by_no_outlier_and_no_repetition():

@@ -40,17 +40,42 @@ def test_an_unknown_study_is_named(capsys):
     assert "no study is named 'velocity'; known are " in capsys.readouterr().err
 
 
+NUMBERS = {
+    "advised_experiment": ["--plants"],
+    "core_speed": ["--rounds"],
+    "discovery_cost": ["--repeats", "--oversampled"],
+    "effects_on_cores": ["--per"],
+    "environment_speed": ["--rounds"],
+    "firmware_speed": ["--rounds"],
+    "firmware_truth": ["--records"],
+    "identification": ["--draws", "--rounds"],
+    "jax_copies": ["--steps"],
+    "kind_choice": ["--per"],
+    "lab_speed": ["--rounds"],
+    "portraits": ["--plants"],
+    "rank_order": ["--draws"],
+    "sample_speed": ["--rounds"],
+    "student_seeds": ["--seeds", "--plants"],
+    "teacher_truth": ["--plants"],
+    "training_race": ["--seeds", "--plants"],
+    "training_speed": ["--rounds", "--rollouts"],
+    "training_stability": ["--seeds", "--timesteps", "--threads"],
+    "vector_speed": ["--rounds", "--lanes"],
+}
+
+
 def test_numbers_below_their_least_are_refused(capsys):
     pytest.importorskip("torch")
-    declared = []
+    declared = {}
     for name in studies():
         place = f"studies.{name}.__main__" if (HERE / name).is_dir() else f"studies.{name}"
         numbers = getattr(import_module(place).main, "numbers", ())
-        declared += [(name, option) for option, *_ in numbers]
-    assert ("vector_speed", "--rounds") in declared
-    for name, option in declared:
-        assert main([name, option, "0"]) == 2, (name, option)
-        assert capsys.readouterr().err == f"{name}: {option} is 0; give 1 or more\n"
+        declared[name] = [option for option, *_ in numbers]
+    assert {name: options for name, options in declared.items() if options} == NUMBERS
+    for name, options in NUMBERS.items():
+        for option in options:
+            assert main([name, option, "0"]) == 2, (name, option)
+            assert capsys.readouterr().err == f"{name}: {option} is 0; give 1 or more\n"
 
 
 def test_help_is_text_and_status_0(capsys):

@@ -14,8 +14,14 @@ from rdpi_gym.firmware.writing.package import Package, write_package
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from tests.firmware.programs import COMPILERS, CONTROLLER, PLANT, compiles, needs_gcc
-from tests.looping import over
+from tests.firmware.programs import (
+    COMPILERS,
+    CONTROLLER,
+    PLANT,
+    compiles,
+    needs_gcc,
+    needs_gcc_or_clang,
+)
 
 NAMES = ["pi-classical-reference-rate", None]
 # What cppcheck is told to leave: it wants `const` for the struct of memory where a body happens not to
@@ -32,6 +38,7 @@ def exported(request, tmp_path_factory):
     return package, write_package(package, out)
 
 
+@needs_gcc_or_clang
 def test_every_file_compiles_strictly_in_every_precision(exported):
     package, folder = exported
     for compiler, precision in product(COMPILERS, package.source.precisions):
@@ -41,21 +48,24 @@ def test_every_file_compiles_strictly_in_every_precision(exported):
                 path.with_suffix(".o").unlink()
 
 
-@over("compiler", COMPILERS)
-def test_its_own_check_passes_with_sanitizers(exported, compiler):
+@needs_gcc_or_clang
+def test_its_own_check_passes_with_sanitizers(exported, subtests):
     if not shutil.which("make"):
         pytest.skip("no make here")
     package, folder = exported
     flags = "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
-    done = subprocess.run(
-        ["make", "-C", str(folder), "check", f"CC={compiler}", f"CFLAGS={flags}"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    shutil.rmtree(folder / "build", ignore_errors=True)
-    if "cannot find" in done.stderr:
-        pytest.skip(f"{compiler} has no sanitizers here")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("2000 vectors: largest difference") == len(package.source.precisions)
+    for compiler in COMPILERS:
+        with subtests.test(compiler=compiler):
+            done = subprocess.run(
+                ["make", "-C", str(folder), "check", f"CC={compiler}", f"CFLAGS={flags}"],
+                capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            shutil.rmtree(folder / "build", ignore_errors=True)
+            if "cannot find" in done.stderr:
+                pytest.skip(f"{compiler} has no sanitizers here")
+            assert done.returncode == 0, done.stderr
+            vectors = done.stdout.count("2000 vectors: largest difference")
+            assert vectors == len(package.source.precisions)
 
 
 def test_cppcheck_finds_nothing(exported):

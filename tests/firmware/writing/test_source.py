@@ -19,12 +19,14 @@ from tests.firmware.programs import (
     Running,
     compiles,
     needs_gcc,
+    needs_gcc_or_clang,
     write,
 )
 
 CLAMPED, SATURATED, OUT_OF_RANGE = 1, 2, 4
 
 
+@needs_gcc_or_clang
 def test_it_compiles_without_a_warning_and_refuses_wrong_flags(tmp_path):
     for compiler in COMPILERS:
         for program in (CONTROLLER, PLANT, GREEDY):
@@ -80,6 +82,7 @@ def test_no_name_of_a_model_reaches_the_code(name):
     assert len(safe(name)) <= 60
 
 
+@needs_gcc_or_clang
 def test_nasty_names_compile(tmp_path):
     for k, name in enumerate(NASTY):
         path = write(replace(CONTROLLER, title=name, model=name), tmp_path / str(k))

@@ -27,7 +27,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
 
 said = {"package": str(Path(rdpi_gym.__file__).parent), "catalogue": list(CATALOGUE)}
-BENT = replace(P5, effects=(CATALOGUE["bend"](share=0.1),))
+BENT = replace(P5, effects=(CATALOGUE["lever_ratio"](share=0.1),))
 
 
 def command(*words):
@@ -45,7 +45,7 @@ def record(name, frequency_hz, seed):
 command("effects", "--out", "effects")
 said["effects"] = [e["effect"] for e in json.loads(Path("effects/effects.json").read_text())["effects"]]
 
-command("simulate", "--model", "P5", "--hide", "bend", "--ts-factor", "4", "--out", "hidden")
+command("simulate", "--model", "P5", "--hide", "lever_ratio", "--ts-factor", "4", "--out", "hidden")
 said["hidden"] = [e["effect"] for e in json.loads(Path("hidden/truth.json").read_text())["hidden"]]
 
 truth = simulate_dataset(Truth(P5, BENT.effects, noise_um=0.0, seed=0)).records[0]
@@ -104,21 +104,21 @@ def said(tmp_path_factory):
 
 
 def test_the_catalogue_and_the_command_list_it(said):
-    assert "bend" in said["catalogue"]
+    assert "lever_ratio" in said["catalogue"]
     assert said["effects"] == said["catalogue"]
-    assert said["catalogue"].index("creep") < said["catalogue"].index("bend")
-    assert said["catalogue"].index("bend") < said["catalogue"].index("resonance")
+    assert said["catalogue"].index("creep") < said["catalogue"].index("lever_ratio")
+    assert said["catalogue"].index("lever_ratio") < said["catalogue"].index("resonance")
     assert said["json"]
 
 
 def test_it_can_be_hidden_and_its_twin_agrees_with_its_stage(said):
-    assert said["hidden"] == ["bend"]
+    assert said["hidden"] == ["lever_ratio"]
     assert said["truth less plant (µm)"] < 1e-4
 
 
 def test_the_diagnosis_tries_it_and_finds_it(said):
     assert sorted(said["candidates"]) == sorted(said["catalogue"])
-    assert said["candidates"][0] == "bend"
+    assert said["candidates"][0] == "lever_ratio"
 
 
 def test_single_and_vector_environments_run_it_alike(said):
