@@ -97,7 +97,7 @@ class AdaptiveInverse(Tunable):
         self.rows = Rows(
             plays=model.n,
             asked=WINDOW + 1 + later,
-            inverse_command=1,
+            settled_um=1,
             waiting=(self.wait + 1) * (model.n + 1),
             passed=2 * (model.n + 2),
             fit=self.fit.rows,
@@ -127,7 +127,7 @@ class AdaptiveInverse(Tunable):
         lanes = len(reference_um)
         state, of = np.zeros((self.rows.total, lanes)), self.rows.of
         of(state, "plays")[:] = self._at_rest
-        for name in ("asked", "inverse_command"):
+        for name in ("asked", "settled_um"):
             of(state, name)[:] = reference_um
         of(state, "fit")[:] = self.fit.start(lanes)
         resting = np.vstack([np.full((1, 1), self.limits.rest_V), self._at_rest])
@@ -143,13 +143,13 @@ class AdaptiveInverse(Tunable):
         """Learn from y(k), answer r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         of, ts = self.rows.of, self.layout.ts_s
         applied = self.layout.command_V(observation)
-        inverse_command = of(state, "inverse_command")
+        settled_um = of(state, "settled_um")
         asked = of(state, "asked")
         shown = self.layout.reference_um(observation)
         shift_in(asked, shown[:, min(1 + self._later, self.layout.preview)])
         wanted = product(self._weights, asked)
-        rate = np.abs((wanted - inverse_command[0]) / (ts * self.model.A))
-        inverse_command[0] = wanted
+        rate = np.abs((wanted - settled_um[0]) / (ts * self.model.A))
+        settled_um[0] = wanted
         # The plays as the applied command left them, at the rate that it had.
         plays, rated = of(state, "plays"), of(state, "rate_V_s")
         reach = self._rest_V + self.model.delta2_s * rated

@@ -91,7 +91,7 @@ class ModelPredictive(Tunable):
         return self.wanted_preview
 
     def warning(self) -> str | None:
-        """Return one line where the horizon ends before the plant has inverse_command, else None."""
+        """Return one line where the horizon ends before the plant has answered, else None."""
         if self.layout.preview >= self.wanted_preview:
             return None
         return f"short horizon: preview {self.layout.preview}, {self.wanted_preview} needed"

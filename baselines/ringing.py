@@ -43,9 +43,14 @@ class RingingMonitor:
     (True, True)
     """
 
-    rows = 8
+    rows = 8  # of its memory
 
-    def __init__(self, band_hz: float, scale_um: float, ts_s: float) -> None:
+    def __init__(
+        self,
+        band_hz: float,  # upper end of the reference's band (Hz)
+        scale_um: float,  # unit of displacements (µm)
+        ts_s: float,  # sampling time (s)
+    ) -> None:
         # shares of a sample that enter the high-pass, the fast and the slow energy; the part of the
         # trust that stays, and of the rest that returns; energies (µm²) of small and of large
         self.numbers = (

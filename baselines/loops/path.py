@@ -27,8 +27,8 @@ class Mode:
     4643
     """
 
-    f0_hz: float
-    damping: float
+    f0_hz: float  # undamped natural frequency (Hz)
+    damping: float  # damping ratio ζ
 
     @property
     def omega0_rad_s(self) -> float:
@@ -51,10 +51,12 @@ class BeliefPath:
     (None, 0.00025, 3)
     """
 
-    dynamics: LinearSystem
+    dynamics: LinearSystem  # lags, modes and delay in a row, gain 1 at rest
+    # The inverted hysteresis for small changes while all plays slide and thresholds move with the
+    # rate, over its gain A: 1 where they do not.
     sliding: LinearSystem
-    mode: Mode | None
-    delay_s: float
+    mode: Mode | None  # the slowest one, None where the belief has none
+    delay_s: float  # of slow signals (s)
 
     @property
     def extremes(self) -> tuple[LinearSystem, LinearSystem]:

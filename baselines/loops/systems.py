@@ -26,10 +26,10 @@ class LinearSystem:
     [0j]
     """
 
-    a: Array
-    b: Array
-    c: Array
-    d: float
+    a: Array  # (n, n)
+    b: Array  # (n,)
+    c: Array  # (n,)
+    d: float  # the part of the input that the output has at once
 
     @property
     def order(self) -> int:

@@ -39,8 +39,6 @@ from rdpi_gym.support.errors import InputError
 
 Integer: TypeAlias = Literal["int32_t", "uint32_t", "int64_t"]
 
-TOLERANCE = 1e-6
-"""Largest difference (fraction of the command range) of the codes from the controller in double."""
 _ONE = 2**31
 _LARGEST = _ONE - 1
 # Bits of a sum of coefficients, after the integer's fraction of an accumulator, and of a rate.

@@ -90,12 +90,16 @@ class ControllerTwin:
 
 def observed(layout: ObservationLayout, reference_um: Any, measured_um: Any, applied_V: Any) -> Any:
     """Return observations ``(B, D)`` of what was measured and commanded."""
-    columns = np.concatenate([reference_um, measured_um[None], applied_V[None]]).T
     if isinstance(layout, PhysicalLayout):
-        return columns
-    low, high = layout.command_range_V
-    place = 2.0 * (columns[:, -1:] - low) / (high - low) - 1.0
-    return np.concatenate([(columns[:, :-1] - layout.centre_um) / layout.scale_um, place], axis=1)
+        known = {
+            "reference": reference_um,
+            "measured": measured_um[None],
+            "command": applied_V[None],
+        }
+        return np.concatenate([known[name] for name in layout.fields]).T
+    shown = (reference_um - layout.centre_um) / layout.scale_um
+    ends = reference_um[-1], reference_um[0]
+    return np.concatenate(layout.encode(shown, ends, measured_um, applied_V)).T
 
 
 def controller_program(
@@ -132,10 +136,13 @@ def traced_program(made: Baseline, title: str) -> Program:
                 ("applied_V", None),
             ],
         )
-        column = Traced(given, np.arange(layout.preview + 3, dtype=np.int64)[:, None])
+        places = np.arange(layout.preview + 3, dtype=np.int64)[:, None]
+        column: Any = Traced(given, places)
         window = column[: layout.preview + 1]
-        physical = isinstance(layout, PhysicalLayout)
-        shown = column.T if physical else observed(layout, window, column[-2], column[-1])
+        if isinstance(layout, PhysicalLayout):  # a view of the inputs, in the order of the fields
+            shown = Traced(given, observed(layout, places[:-2], places[-2], places[-1]))
+        else:
+            shown = observed(layout, window, column[-2], column[-1])
         traced: Any = shown, window[:2], _memory(recording, count)
         command: Any = made.next_command(*traced)
         if not isinstance(command, Traced):  # the same whatever is measured

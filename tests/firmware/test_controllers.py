@@ -16,7 +16,9 @@ from numba.core.registry import CPUDispatcher
 
 from baselines.extended import ExtendedInverse
 from baselines.inverses.base import inverse_of
+from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
+from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
 from rdpi_gym.firmware.program import Program
 from rdpi_gym.plant import CORES, P5, P10, PlantModel
@@ -135,6 +137,21 @@ def test_unknown_and_planning_controllers_are_refused() -> None:
             controller_program(name, P10, TS_S)
     with pytest.raises(InputError, match="is no controller of this package"):
         controller_program("os:system", P10, TS_S)
+
+
+@needs_gcc
+def test_fields_in_another_order_are_the_same_sample(tmp_path: Path) -> None:
+    fields = ("command", "measured", "reference")
+    for kind in (PhysicalLayout, ObservationLayout):
+        wanted, found = (
+            traced_program(make_controller("pi-preview", P10, layout), "own")  # type: ignore[arg-type]
+            for layout in (kind.for_plant(P10, TS_S), kind.for_plant(P10, TS_S, fields=fields))
+        )
+        assert off_by(found, tmp_path) <= allowed(found), kind
+        given = records(found)
+        np.testing.assert_array_equal(
+            answers(found, tmp_path, *given), answers(wanted, tmp_path, *given)
+        )
 
 
 def test_a_given_preview_is_that_of_the_steps_and_the_memory_is_counted() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from baselines import make_controller
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.firmware.fixed_point import TOLERANCE, fixed_point_body
+from rdpi_gym.firmware.fixed_point import fixed_point_body
 from rdpi_gym.firmware.making import package_of
 from rdpi_gym.firmware.writing.source import header_text
 from rdpi_gym.plant import named_plant
@@ -18,6 +18,8 @@ from tests.firmware.programs import library, needs_gcc
 
 STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"]  # fmt: skip
 SANITIZED = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
+# Largest difference (fraction of the command range) of the codes from the controller in double.
+TOLERANCE = 1e-6
 # Each where its own loop decays: where it does not, neither does rounding.
 CASES = [
     ("P10", "none", 5e-5),

@@ -45,18 +45,35 @@ _LOGICAL: dict[np.ufunc, str] = {
     np.logical_or: "||",
     np.bitwise_or: "||",
 }
+# NumPy's fmin and fmax take the other one where one is not a number.
+_WITHOUT_NAN = "rdpi_is_nan({{0}}) ? {{1}} : (rdpi_is_nan({{1}}) ? {{0}} : rdpi_{}({{0}}, {{1}}))"
 _CALLS: dict[np.ufunc, str] = {
     np.absolute: "rdpi_abs({})",
+    np.fabs: "rdpi_abs({})",
     np.negative: "-{}",
+    np.positive: "{}",
+    np.square: "{0} * {0}",
     np.minimum: "rdpi_min({}, {})",
     np.maximum: "rdpi_max({}, {})",
+    np.fmin: _WITHOUT_NAN.format("min"),
+    np.fmax: _WITHOUT_NAN.format("max"),
+    np.copysign: "rdpi_copysign({}, {})",
     np.sign: "({0} > RDPI_C(0.0)) ? RDPI_C(1.0) : (({0} < RDPI_C(0.0)) ? RDPI_C(-1.0) : {0})",
 }
 _TESTS: dict[np.ufunc, str] = {
     np.isnan: "rdpi_is_nan({})",
     np.isfinite: "rdpi_abs({}) < RDPI_INFINITY",
 }
-_FUNCTIONS = {np.exp: "EXP", np.sin: "SIN", np.cos: "COS", np.tanh: "TANH", np.sqrt: "SQRT"}
+_EXACT_FUNCTIONS = {np.sqrt: "SQRT", np.floor: "FLOOR", np.ceil: "CEIL"}
+_FUNCTIONS = {
+    np.exp: "EXP",
+    np.expm1: "EXPM1",
+    np.log: "LOG",
+    np.log1p: "LOG1P",
+    np.sin: "SIN",
+    np.cos: "COS",
+    np.tanh: "TANH",
+}
 _AREA_SINE = (
     "rdpi_copysign({log1p}(rdpi_abs({x}) + {x} * {x} / "
     "(RDPI_C(1.0) + {root}(RDPI_C(1.0) + {x} * {x}))), {x})"
@@ -72,6 +89,13 @@ def apply_ufunc(
     options.pop("dtype", None)
     options.pop("casting", None)
     target = out[0] if isinstance(out, tuple) else out
+    if target is None and where is True:
+        if method == "reduce" and ufunc is np.add:
+            return _sum(*inputs, **{"axis": 0, **options})
+        if method == "accumulate" and ufunc is np.add:
+            return _cumsum(*inputs, **{"axis": 0, **options})
+        if method == "outer" and ufunc is np.multiply:
+            return _outer(*inputs)
     if method != "__call__" or options:
         raise InputError(f"{here()}: np.{ufunc.__name__}.{method} has no C")
     if target is not None and not isinstance(target, Traced):
@@ -79,7 +103,7 @@ def apply_ufunc(
             f"{here()} puts numbers that are known only as it runs into a NumPy array; make it with np.empty_like"
         )
     if ufunc is np.matmul:
-        return _matmul(*inputs)
+        return _matmul(inputs[0], inputs[1], target)
     kind, expression, cast = _expression(ufunc, inputs, recording_of(*inputs, target))
     if where is True:
         return compute(kind, expression, *inputs, out=target, cast=cast)
@@ -123,16 +147,14 @@ def _expression(
         if number is not None and (number == number.flat[0]).all():
             return "real", lambda x, y: f"RDPI_OVER({x}, {y})", True
         return "real", lambda x, y: f"{x} / {y}", True
-    if ufunc is np.power:
-        if not isinstance(inputs[1], Traced) and np.array_equal(inputs[1], 2.0):
-            return "real", lambda x, y: f"{x} * {x}", True
-        recording.is_inexact(_OWN_FUNCTIONS.format("powers"))
-        macro = recording.uses("POW")
-        return "real", lambda x, y: f"{macro}({x}, {y})", True
+    if ufunc in _EXACT_FUNCTIONS:
+        macro = recording.uses(_EXACT_FUNCTIONS[ufunc])
+        return "real", lambda x: f"{macro}({x})", True
+    if ufunc in (np.power, np.float_power):
+        return _power(inputs[1], recording)
     if ufunc not in {*_FUNCTIONS, np.arctanh, np.arcsinh}:
         raise InputError(f"{here()}: np.{ufunc.__name__} has no C")
-    if ufunc is not np.sqrt:
-        recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
+    recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
     if ufunc in _FUNCTIONS:
         macro = recording.uses(_FUNCTIONS[ufunc])
         return "real", lambda x: f"{macro}({x})", True
@@ -141,6 +163,22 @@ def _expression(
         return "real", lambda x: f"RDPI_C(0.5) * ({log1p}({x}) - {log1p}(-{x}))", True
     root = recording.uses("SQRT")
     return "real", lambda x: _AREA_SINE.format(x=x, log1p=log1p, root=root), True
+
+
+def _power(exponent: Operand, recording: Recording) -> tuple[Kind, Callable[..., str], bool]:
+    number = (
+        None if isinstance(exponent, Traced) or np.size(exponent) != 1 else np.ravel(exponent)[0]
+    )
+    if number == 2.0:
+        return "real", lambda x, y: f"{x} * {x}", True
+    if number == 1.0:
+        return "real", lambda x, y: x, True
+    if number == 0.5:
+        root = recording.uses("SQRT")
+        return "real", lambda x, y: f"{root}({x})", True
+    recording.is_inexact(_OWN_FUNCTIONS.format("powers"))
+    macro = recording.uses("POW")
+    return "real", lambda x, y: f"{macro}({x}, {y})", True
 
 
 def _kind(operand: Operand) -> Kind:
@@ -176,13 +214,29 @@ def _where(condition: Operand, one: Operand, other: Operand) -> Traced:
     )
 
 
-def _clip(a: Operand, low: Operand, high: Operand, out: Traced | None = None) -> Traced:
+def _clip(
+    a: Operand,
+    a_min: Operand | None = None,
+    a_max: Operand | None = None,
+    out: Traced | None = None,
+    **named: Any,
+) -> Traced:
+    low, high = named.pop("min", a_min), named.pop("max", a_max)
+    _refuse(named)
+    if low is None or high is None:
+        ufunc, bound = (np.minimum, high) if low is None else (np.maximum, low)
+        return apply_ufunc(ufunc, "__call__", (a, bound), {"out": out})
     return compute(
         "real", lambda x, y, z: f"rdpi_min(rdpi_max({x}, {y}), {z})", a, low, high, out=out
     )
 
 
-def _matmul(a: Operand, b: Operand) -> Traced:
+def _refuse(options: Mapping[str, Any]) -> None:
+    if options:
+        raise InputError(f"{here()}: there is no C with {', '.join(options)} in this call")
+
+
+def _matmul(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
     recording = recording_of(a, b)
     left = a if isinstance(a, Traced) else np.asarray(a, dtype=np.float64)
     right = b if isinstance(b, Traced) else np.asarray(b, dtype=np.float64)
@@ -193,12 +247,20 @@ def _matmul(a: Operand, b: Operand) -> Traced:
         raise InputError(f"{here()}: a product of stacks of matrices has no C")
     if rows.shape[1] > 1:
         recording.is_inexact(_ANOTHER_ORDER)
-    return _products(recording, rows, columns).reshape(shape)
+    found = _products(recording, rows, columns).reshape(shape)
+    if out is None:
+        return found
+    assign(out, found)
+    return out
 
 
 def _products(recording: Recording, rows: Any, columns: Any | None) -> Traced:
     """Write a product of two matrices, or without the second sums over rows: terms in their order."""
     height, width = len(rows), 1 if columns is None else columns.shape[1]
+    if rows.shape[1] == 0:
+        nothing = recording.array((height, width))
+        assign(nothing, 0.0)
+        return nothing
     if height == width == 1:
         out = Traced(Store(recording, recording.tape.fresh(), 1), np.zeros((1, 1), dtype=np.int64))
     else:
@@ -238,27 +300,59 @@ def _write_products(out: Traced, rows: Any, columns: Any | None) -> bool:
     return True
 
 
+def _einsum(subscripts: str, *operands: Any, **options: Any) -> Traced:
+    _refuse(options)
+    if subscripts.replace(" ", "") != "fb,fb->b" or len(operands) != 2:
+        raise InputError(f"{here()}: np.einsum of {subscripts!r} has no C; only of 'fb,fb->b'")
+    one, other = operands
+    if shape_of(one)[1] != 1:
+        raise InputError(f"{here()}: np.einsum over several lanes has no C")
+    recording = recording_of(one, other)
+    recording.is_inexact(_ANOTHER_ORDER)
+    return _products(recording, one.T, other).reshape(1)
+
+
 def _axis(array: Any, axis: int | None) -> tuple[Any, int]:
     if axis is None:
         return array.reshape(-1), 0
     return array, axis % array.ndim
 
 
-def _sum(a: Traced, axis: int | None = None, **_: Any) -> Traced:
+def _kept(found: Traced, a: Traced, axis: int | None, keepdims: bool) -> Traced:
+    """Return what was reduced along an axis, with that axis of one where it is to be kept."""
+    if not keepdims:
+        return found
+    ends = range(a.ndim) if axis is None else (axis % a.ndim,)
+    return found.reshape(tuple(1 if i in ends else n for i, n in enumerate(a.shape)))
+
+
+def _sum(
+    a: Traced, axis: int | None = None, dtype: Any = None, keepdims: bool = False, **options: Any
+) -> Traced:
+    _refuse(options)
+    given = axis
     array, axis = _axis(a, axis)
     count = array.shape[axis]
     if axis == array.ndim - 1 and count > 1:
         a.recording.is_inexact(_ANOTHER_ORDER)
     rows = array.transpose(*[i for i in range(array.ndim) if i != axis], axis)
     shape = rows.shape[:-1]
-    return _products(a.recording, _real(rows).reshape(-1, count), None).reshape(shape)
+    found = _products(a.recording, _real(rows).reshape(-1, count), None).reshape(shape)
+    return _kept(found, a, given, keepdims)
+
+
+def _mean(a: Traced, axis: int | None = None, keepdims: bool = False, **options: Any) -> Traced:
+    count = a.size if axis is None else a.shape[axis]
+    found: Traced = _sum(a, axis, keepdims=keepdims, **options) / float(count)
+    return found
 
 
 def _real(array: Traced) -> Traced:
     return array if array.kind == "real" else compute("real", lambda x: x, array)
 
 
-def _cumsum(a: Traced, axis: int | None = None, **_: Any) -> Traced:
+def _cumsum(a: Traced, axis: int | None = None, dtype: Any = None, **options: Any) -> Traced:
+    _refuse(options)
     array, axis = _axis(a, axis)
     found = copy_of(_real(array))
     along = _moved_first(found, axis)
@@ -271,14 +365,30 @@ def _moved_first(array: Traced, axis: int) -> Traced:
     return array.view(np.moveaxis(array.places, axis, 0))
 
 
-def _diff(a: Traced, axis: int = -1) -> Traced:
-    along = _moved_first(a, axis)
-    found: Traced = along[1:] - along[:-1]
-    return found.view(np.moveaxis(found.places, 0, axis))
+def _diff(
+    a: Operand, n: int = 1, axis: int = -1, prepend: Any = None, append: Any = None
+) -> Traced:
+    ends = []
+    for end in (prepend, append):
+        if end is not None and np.ndim(end) == 0 and not isinstance(end, Traced):
+            shape = list(shape_of(a))
+            shape[axis] = 1
+            end = np.broadcast_to(end, shape)
+        ends.append([] if end is None else [end])
+    parts = [*ends[0], a, *ends[1]]
+    found: Any = a if len(parts) == 1 else _concatenate(parts, axis=axis)
+    for _ in range(n):
+        along = _moved_first(found, axis)
+        less = along[1:] - along[:-1]
+        found = less.view(np.moveaxis(less.places, 0, axis))
+    return found  # type: ignore[no-any-return]
 
 
-def _concatenate(arrays: Sequence[Any], axis: int = 0, **_: Any) -> Traced:
+def _concatenate(arrays: Sequence[Any], axis: int | None = 0, **options: Any) -> Traced:
+    _refuse(options)
     parts = [each if isinstance(each, Traced) else np.asarray(each) for each in arrays]
+    if axis is None:
+        parts, axis = [part.reshape(-1) for part in parts], 0
     kinds = {_kind(part) for part in parts}
     kind: Kind = kinds.pop() if len(kinds) == 1 else "real"
     shape = list(parts[0].shape)
@@ -294,9 +404,9 @@ def _concatenate(arrays: Sequence[Any], axis: int = 0, **_: Any) -> Traced:
     return out
 
 
-def _stack(arrays: Sequence[Any], axis: int = 0, **_: Any) -> Traced:
+def _stack(arrays: Sequence[Any], axis: int = 0, **options: Any) -> Traced:
     parts = [_lifted(each, axis) for each in arrays]
-    return _concatenate(parts, axis=axis)
+    return _concatenate(parts, axis=axis, **options)
 
 
 def _lifted(array: Any, axis: int) -> Any:
@@ -305,8 +415,13 @@ def _lifted(array: Any, axis: int) -> Any:
     return np.expand_dims(np.asarray(array), axis)
 
 
-def _vstack(arrays: Sequence[Any], **_: Any) -> Traced:
-    return _concatenate([_at_least(each, 2) for each in arrays])
+def _vstack(arrays: Sequence[Any], **options: Any) -> Traced:
+    return _concatenate([_at_least(each, 2) for each in arrays], **options)
+
+
+def _hstack(arrays: Sequence[Any], **options: Any) -> Traced:
+    parts = [_at_least(each, 1) for each in arrays]
+    return _concatenate(parts, axis=0 if parts[0].ndim == 1 else 1, **options)
 
 
 def _at_least(array: Any, ndim: int) -> Any:
@@ -314,10 +429,19 @@ def _at_least(array: Any, ndim: int) -> Any:
     return array.reshape((1,) * max(ndim - array.ndim, 0) + array.shape)
 
 
-def _outer(a: Operand, b: Operand) -> Traced:
+def _outer(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
     column = a.reshape(-1, 1) if isinstance(a, Traced) else np.asarray(a).reshape(-1, 1)
     row = b.reshape(1, -1) if isinstance(b, Traced) else np.asarray(b).reshape(1, -1)
-    return compute("real", lambda x, y: f"{x} * {y}", column, row)
+    return compute("real", lambda x, y: f"{x} * {y}", column, row, out=out)
+
+
+def _viewed(function: Callable[..., Any]) -> Callable[..., Traced]:
+    """Return what NumPy itself does on the places of the elements."""
+    return lambda a, *given, **options: a.view(function(a.places, *given, **options))
+
+
+def _repeat(a: Traced, repeats: Any, axis: int | None = None) -> Traced:
+    return copy_of(a.view(np.repeat(a.places, repeats, axis=axis)))
 
 
 def _split(ary: Traced, indices_or_sections: Any, axis: int = 0) -> list[Traced]:
@@ -332,12 +456,21 @@ def _like(a: Operand, value: float | None, dtype: Any = None, shape: Any = None)
     return found
 
 
-def _folded(one: str) -> Callable[..., Traced]:
+def _folded(one: str, of_flags: bool) -> Callable[..., Traced]:
     """Return what reduces flags or numbers by a text from two."""
 
-    def reduce(a: Traced, axis: int | None = None, **_: Any) -> Traced:
-        array, axis = _axis(a, axis)
+    def reduce(
+        a: Traced, axis: int | None = None, keepdims: bool = False, **options: Any
+    ) -> Traced:
+        _refuse(options)
+        return _kept(folded(*_axis(a, axis)), a, axis, keepdims)
+
+    def folded(array: Traced, axis: int) -> Traced:
+        if of_flags and array.kind != "bool":
+            array = compute("bool", lambda x: f"{x} != RDPI_C(0.0)", array)
         along = _moved_first(array, axis)
+        if len(along) == 0:
+            raise InputError(f"{here()} reduces an array of no elements")
         if len(along) == 1:
             return along[0] if along.ndim > 1 else along.reshape(())
         if along.size == len(along) and len(along) > 3:
@@ -367,6 +500,16 @@ def _reduced(array: Traced, one: str) -> Traced:
     return Traced(Store(recording, name, 1, kind), np.zeros((), dtype=np.int64))
 
 
+_any, _all = _folded("{} || {}", True), _folded("{} && {}", True)
+_max, _min = _folded("rdpi_max({}, {})", False), _folded("rdpi_min({}, {})", False)
+
+
+def _flatnonzero(a: Traced) -> Any:
+    if a.size != 1:
+        raise InputError(f"{here()} looks up where of several something holds, as it runs")
+    return np.arange(1 if bool(a) else 0)
+
+
 def _nan_to_num(x: Traced, nan: float = 0.0, **_: Any) -> Traced:
     return _where(np.isnan(x), nan, x)
 
@@ -375,35 +518,56 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
     np.where: _where,
     np.clip: _clip,
     np.sum: _sum,
+    np.mean: _mean,
     np.cumsum: _cumsum,
     np.diff: _diff,
+    np.einsum: _einsum,
+    np.dot: _matmul,
     np.outer: _outer,
     np.concatenate: _concatenate,
     np.stack: _stack,
     np.vstack: _vstack,
+    np.hstack: _hstack,
     np.split: _split,
     np.tile: lambda a, reps: copy_of(a.view(np.tile(a.places, reps))),
-    np.repeat: lambda a, repeats, axis=None: copy_of(
-        a.view(np.repeat(a.places, repeats, axis=axis))
-    ),
+    np.repeat: _repeat,
+    np.any: _any,
+    np.all: _all,
+    np.max: _max,
+    np.min: _min,
+    np.amax: _max,
+    np.amin: _min,
+    np.flatnonzero: _flatnonzero,
+    np.copy: lambda a, **_: copy_of(a),
     np.nan_to_num: _nan_to_num,
     np.empty_like: lambda a, dtype=None, shape=None, **_: _like(a, None, dtype, shape),
     np.zeros_like: lambda a, dtype=None, shape=None, **_: _like(a, 0, dtype, shape),
     np.ones_like: lambda a, dtype=None, shape=None, **_: _like(a, 1, dtype, shape),
     np.full_like: lambda a, value, dtype=None, shape=None, **_: _like(a, value, dtype, shape),
-    np.broadcast_to: lambda a, shape, **_: a.view(np.broadcast_to(a.places, shape)),
+    **{
+        function: _viewed(function)
+        for function in (
+            np.atleast_1d, np.atleast_2d, np.broadcast_to, np.expand_dims, np.flip, np.moveaxis,
+            np.ravel, np.reshape, np.squeeze, np.transpose,
+        )
+    },
     np.shape: lambda a: a.shape,
     np.ndim: lambda a: a.ndim,
-}
+    np.size: lambda a, axis=None: a.size if axis is None else a.shape[axis],
+}  # fmt: skip
 METHODS: dict[str, Callable[..., Any]] = {
     "sum": _sum,
     "cumsum": _cumsum,
-    "any": _folded("{} || {}"),
-    "all": _folded("{} && {}"),
-    "max": _folded("rdpi_max({}, {})"),
-    "min": _folded("rdpi_min({}, {})"),
+    "mean": _mean,
+    "any": _any,
+    "all": _all,
+    "max": _max,
+    "min": _min,
     "clip": _clip,
     "copy": copy_of,
+    "repeat": _repeat,
+    "dot": _matmul,
+    "squeeze": _viewed(np.squeeze),
     "fill": assign,
 }
 NUMPY = Library(FUNCTIONS, METHODS, apply_ufunc)
