@@ -57,7 +57,7 @@ FIELDS = (
 
 NAMES = tuple(field.name for field in FIELDS)
 # Columns of the table for kernels, see `ObservationLayout.encoder`.
-COLUMN, GAIN, ZERO, SPAN, SHIFT, LIMIT = range(6)
+COLUMN, GAIN, ZERO, SPAN, SHIFT, LIMIT, AHEAD = range(7)
 DEFAULT_FIELDS = ("reference", "measured", "command")
 """The observation of every registered id, in its order, and of layouts saved without names of fields."""
 
@@ -229,7 +229,7 @@ class ObservationLayout:
         return bound
 
     def encoder(self, range_um: float, *, reciprocal: bool = False) -> Array:
-        """Table for kernels, float64[len(FIELDS), 6]: the column of each field's newest value, and its law.
+        """Table for kernels, float64[len(FIELDS), 7]: the column of each field's newest value, its law, its samples ahead.
 
         The law is ``gain (x - zero) / span - shift``, within ±`limit`; with `reciprocal` it is
         ``(x - zero) span``, which is faster and rounds otherwise. The column is -1 where the field is
@@ -252,11 +252,12 @@ class ObservationLayout:
                 "difference": (1.0, 0.0, 1.0 / self.scale_um, 0.0),
                 "command": (1.0, 0.5 * (low + high), 2.0 / (high - low), 0.0),
             }
-        table = np.empty((len(FIELDS), 6))
+        table = np.empty((len(FIELDS), 7))
         for row, field in zip(table, FIELDS, strict=True):
             row[COLUMN] = self.columns[field.name].stop - 1 if field.name in self.fields else -1
             row[GAIN : SHIFT + 1] = laws[field.scale]
             row[LIMIT] = limit if field.limited else math.inf
+            row[AHEAD] = self.preview if field.ahead else 0
         self._encoders[(range_um, reciprocal)] = table
         return table
 

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from rdpi_gym.envs.layout import (
+    AHEAD,
     COLUMN,
     GAIN,
     LIMIT,
@@ -38,13 +39,12 @@ def _show(
     reference: Array,
     noise: Array,
     resolution: Array,
-    window: int,
     encoder: Array,
     quantities: Array,
     observation: NDArray[np.float32],
 ) -> None:
-    """Fill quantities and observations; `window` and `encoder` are of an ObservationLayout."""
-    last = reference.shape[0] - 1
+    """Fill quantities and observations; `encoder` is that of an ObservationLayout."""
+    last, window = reference.shape[0] - 1, int(encoder[0, AHEAD])
     for b in range(y.shape[1]):
         measured = y[0, b] + noise[noise_row, b]
         if resolution[b] > 0.0:
@@ -248,7 +248,6 @@ class TrackingTask:
             self._reference,
             self._noise,
             self._resolution,
-            self.layout.preview,
             self._encoder,
             self.quantities,
             observation,
