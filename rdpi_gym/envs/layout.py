@@ -64,7 +64,7 @@ DEFAULT_FIELDS = ("reference", "measured", "command")
 
 @njit(cache=True)
 def field_values(ahead_um: Any, now_um: Any, measured_um: Any, command_V: Any) -> tuple[Any, ...]:
-    """Values of :data:`FIELDS` (µm, V) from r(k + preview), r(k), the reading and u(k), in their order.
+    """Values of ``FIELDS`` (µm, V) from r(k + preview), r(k), the reading and u(k), in their order.
 
     Every environment, on every device, takes them from here; kernels that call it are compiled anew
     where ``__pycache__`` is deleted.
@@ -96,7 +96,7 @@ class ObservationLayout:
     action_scale_V
         Command change (V) of an action of 1, for ``increment`` and ``correction``.
     fields
-        Names among :data:`FIELDS`, in the order of the observation; the default ones among them.
+        Names among ``FIELDS``, in the order of the observation; the default ones among them.
 
     Raises
     ------

@@ -72,7 +72,7 @@ class Record:
     Raises
     ------
     InputError
-        Arrays of different lengths, a value that is no finite number or beyond :data:`LARGEST`, a
+        Arrays of different lengths, a value that is no finite number or beyond 1e30, a
         sampling time that is not above 0, an unknown role.
 
     Examples
