@@ -27,7 +27,7 @@ from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
 from rdpi_gym.support.errors import InputError
 
 COLUMNS = ("steps", "reward", "rmse_um", "policy_loss", "value_loss", "approximate_kl")
-"""Of ``training.csv``, one row an iteration: means over its steps or minibatches."""
+"""Columns of ``training.csv``, one row an iteration: means over its steps or minibatches."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from studies.tutorial.session import Session
 from studies.tutorial.template import FENCE, fill
 
 STEPS = 1_500_000
-"""Of the training that the page begins with."""
+"""The training that the page begins with."""
 RUN = "results/first-agent"
 """Its folder."""
 _BLOCK = re.compile(rf"^{FENCE}\w.*?^{FENCE}$", re.M | re.S)

@@ -32,7 +32,7 @@ from studies.agents.training import Training
 TS_S = TrainingOptions.ts_s
 """Sampling time (s) of trainings and scores."""
 LITERAL = ", literal"
-"""What the name of a world with a literal rate ends in."""
+"""Ending of the name of a world with a literal rate."""
 HELD_OUT = 2**34
 """Begins the entropy of every plant that is drawn here. Trainings draw from single numbers below
 2^32, their evaluations from 2^33."""
@@ -70,7 +70,7 @@ class World:
 
     @property
     def belief(self) -> PlantModel:
-        """What all controllers hold: the nominal hysteresis without effects."""
+        """Belief of all controllers: the nominal hysteresis without effects."""
         return replace(self.stage.plant, effects=(), name=f"{self.nominal.name} without effects")
 
     def truth(self, seed: int) -> PlantModel:
@@ -129,7 +129,7 @@ PREVIEW_INVERSION = "preview-inversion"
 
 @dataclass(frozen=True)
 class Contestant:
-    """What is scored."""
+    """A controller that is scored, and the seed of its training."""
 
     name: str
     # What tables call it.

@@ -115,7 +115,7 @@ class WithMemory(Block):
     time_constant_s: float = 1.0
 
     def memories(self) -> list[tuple[float, Terms]]:
-        """One."""
+        """One memory, whose drive has the even and the odd term under the names of the splines."""
         drive = self.values
         return [(self.time_constant_s, drive | {"even_1": self.even, "odd_1": self.odd})]
 

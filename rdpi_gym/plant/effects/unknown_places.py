@@ -20,7 +20,7 @@ TERMS = (
     "linear", "absolute", "even_1", "even_2", "even_3", "odd_1", "odd_2", "odd_3", "step", "speed",
     "drag", "cross",
 )  # fmt: skip
-"""What drives a block, of s and its rate r: s, |s|, the even and the odd quadratic spline with knots
+"""Drives of a block, of s and its rate r: s, |s|, the even and the odd quadratic spline with knots
 at 0, 1/3 and 2/3, a smooth step at 0, |r|, r |r|, s r."""
 POWER = ("weight", "power", "rate_power", "signed", "rate_signed")
 """Numbers of one more term, w |s|^a |r|^b with the sign of s, of r, of both or of none."""
