@@ -44,16 +44,26 @@ def interruptible() -> Iterator[None]:
 def uninterrupted_children() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach: who started them ends them.
 
-    A terminal sends the signal to all of them. It is held back here meanwhile, and comes after.
+    A terminal sends the signal to all of them. It is held back here meanwhile, and comes after; another
+    thread of this process may receive it, so that the handler is held back too.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
+    received: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    held = callable(handler) and threading.current_thread() is threading.main_thread()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
+        if held:
+            signal.signal(signal.SIGINT, lambda number, _: received.append(number))
         yield
     finally:
+        if held:
+            signal.signal(signal.SIGINT, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if received:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _on_interrupt(number: int, frame: FrameType | None) -> None:

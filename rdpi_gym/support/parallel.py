@@ -44,17 +44,20 @@ def run_cases(
         with parallel_config(backend="loky", inner_max_num_threads=1):
             # one case at a time to a worker: results come early
             parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        with isolated_children():
-            # they would lift what holds interrupts back from the workers, were they started after it
-            resource_tracker.ensure_running()
-            ensure_running()
-            with uninterrupted_children():
-                results = parallel(delayed(function)(case) for case in cases)
+        results: Generator[R] | None = None
         try:
+            with isolated_children():
+                # they would lift what holds interrupts back from the workers, were they started after it
+                resource_tracker.ensure_running()
+                ensure_running()
+                with uninterrupted_children():
+                    results = parallel(delayed(function)(case) for case in cases)
+            # an interrupt held back until here ends the sweep as one that comes later
             for result in results:  # noqa: UP028 - `yield from` would close it before `finally` is reached
                 yield result
         finally:
-            _leave(results)
+            if results is not None:
+                _leave(results)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import os
 import socket
+import subprocess
 import sys
 import time
 
@@ -76,6 +77,28 @@ def test_a_sweep_may_be_left_early_without_a_word(leave, tmp_path, recwarn):
             results.throw(ZeroDivisionError)
     (tmp_path / "left").touch()
     assert [str(each.message) for each in recwarn] == []
+
+
+INTERRUPTED = """
+import os, signal, time
+from rdpi_gym.support.parallel import run_cases
+
+class Interrupting(list):
+    def __iter__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        return super().__iter__()
+
+try:
+    list(run_cases(time.sleep, Interrupting([0.2] * 6), jobs=2))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of a terminal")
+def test_an_interrupt_while_its_processes_start_ends_a_sweep_without_a_word():
+    run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
+    assert (run.stdout, run.stderr) == ("interrupted\n", "")
 
 
 def test_a_process_has_one_thread(monkeypatch):
