@@ -6,6 +6,7 @@ import logging
 import os
 import socket
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import chdir, contextmanager
@@ -78,10 +79,23 @@ def isolated_children() -> Iterator[None]:
 
 
 def _leave(results: Generator[R]) -> None:
-    """Cancel what is not finished, without joblib's advice on it: a sweep is left early on purpose."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="joblib")
-        results.close()
+    """Cancel what is not finished, without joblib's advice on it: a sweep is left early on purpose.
+
+    Where it is left as its processes start, joblib's thread may miss a case that is cancelled.
+    """
+    hook = threading.excepthook
+
+    def report(what: threading.ExceptHookArgs) -> None:
+        if what.thread is None or what.thread.name != "ExecutorManagerThread":
+            hook(what)
+
+    threading.excepthook = report
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="joblib")
+            results.close()
+    finally:
+        threading.excepthook = hook
 
 
 def _on_ray(function: Callable[[C], R], cases: Sequence[C], address: str) -> Iterator[R]:
