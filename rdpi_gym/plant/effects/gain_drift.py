@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Picture, parameter
 from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
 from rdpi_gym.support.arrays import Array
 
@@ -37,17 +36,14 @@ class GainDrift(Clocked):
     [10.0, 10.05, 10.1]
     """
 
-    rate_per_s: float = 1e-4
+    rate_per_s: float = parameter(
+        1e-4, "1/s", -1e-2, 1e-2, (3e-5, 3e-4),
+        "relative change of the gain a second, κ", neutral=0.0,
+    )  # fmt: skip
 
     name = "gain_drift"
     slot = "output"
     order = 30
-    parameters = (
-        Parameter(
-            "rate_per_s", "1/s", -1e-2, 1e-2, (3e-5, 3e-4), "relative change of the gain a second, κ",
-            neutral=0.0,
-        ),
-    )  # fmt: skip
     equation = "y = (1 + κ t) y_m"
     source = (
         "Ageing by depolarisation is negligible in actuators, which repole (Physik Instrumente, "
@@ -93,10 +89,6 @@ class GainDrift(Clocked):
     )
     block = staticmethod(gain_drift_block)
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Relative rate (1/s)."""
-        return [self.rate_per_s]
-
 
 @njit(cache=True)
 def gain_to_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -121,17 +113,14 @@ class GainDriftToLimit(Clocked, of=GainDrift):
     [10.0, 10.632, 10.865]
     """
 
-    rate_per_s: float = 1e-4
-    time_constant_s: float = 200.0
+    rate_per_s: float = parameter(
+        1e-4, "1/s", -1e-1, 1e-1, (3e-5, 3e-4), "relative change a second at t = 0, κ", neutral=0.0
+    )
+    time_constant_s: float = parameter(
+        200.0, "s", 0.1, 1e7, (50.0, 1e3), "time constant of the change, τ"
+    )
 
     form = "to a limit"
-    parameters = (
-        Parameter(
-            "rate_per_s", "1/s", -1e-1, 1e-1, (3e-5, 3e-4), "relative change a second at t = 0, κ",
-            neutral=0.0,
-        ),
-        Parameter("time_constant_s", "s", 0.1, 1e7, (50.0, 1e3), "time constant of the change, τ"),
-    )  # fmt: skip
     equation = "y = (1 + κ τ (1 - exp(-t / τ))) y_m"
     cause = (
         "The stage warms up, or its poling settles after a large excursion, and comes to an end: "
@@ -166,10 +155,6 @@ class GainDriftToLimit(Clocked, of=GainDrift):
             )
             for tau in (scale.lasts_s / 5.0, scale.lasts_s)
         )
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Relative rate (1/s) and time constant (s)."""
-        return [self.rate_per_s, self.time_constant_s]
 
 
 @njit(cache=True)

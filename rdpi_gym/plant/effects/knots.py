@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Parameter, parameter
 from rdpi_gym.support.arrays import Array
 
 
@@ -78,15 +78,12 @@ class ByKnots(Clocked):
         Constant input on which a simpler form shows its change: what leaves it less what entered.
     """
 
-    duration_s: float = 600.0
+    duration_s: float = parameter(
+        600.0, "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
+    )
 
     probe: ClassVar[float]
     form = "piecewise linear"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "duration_s", "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
-        ),
-    )
     source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
 
     @classmethod

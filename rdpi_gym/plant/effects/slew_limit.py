@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter, rows
 from rdpi_gym.support.arrays import Array
 
 
@@ -52,14 +52,13 @@ class SlewLimit(Effect):
     [0.0, 1.0, 2.0, 3.0, 4.0, 3.5]
     """
 
-    rate_V_s: float = 1e4
+    rate_V_s: float = parameter(
+        1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate of the voltage, R"
+    )
 
     name = "slew_limit"
     slot = "input"
     order = 20
-    parameters = (
-        Parameter("rate_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate of the voltage, R"),
-    )
     equation = "u' follows u with |du'/dt| <= R"
     source = (
         "Thorlabs, piezo driver bandwidth tutorial (thorlabs.com, ObjectGroup_ID=1191): "
@@ -97,6 +96,7 @@ class SlewLimit(Effect):
         Look("left_over_time", "What a refit leaves of it", "sine-50hz", 0.0, 0.04),
     )
     block = staticmethod(slew_limit_block)
+    state_rows = rows(2)  # last input and last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -106,10 +106,6 @@ class SlewLimit(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest step of one sample (V)."""
         return [self.rate_V_s * ts_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and last output."""
-        return 2
 
 
 @njit(cache=True)
@@ -138,14 +134,10 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     [0.0, 1.0, 2.0, 3.0, 4.0, 2.0]
     """
 
-    up_V_s: float = 1e4
-    down_V_s: float = 1e4
+    up_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u")
+    down_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d")
 
     form = "unlike up and down"
-    parameters = (
-        Parameter("up_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u"),
-        Parameter("down_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d"),
-    )
     equation = "u' follows u with -R_d <= du'/dt <= R_u"
     source = "An output stage that sources and sinks unlike currents into C: R = I / C each way."
     signature = (
@@ -153,6 +145,7 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
         "and odd harmonics."
     )
     block = staticmethod(unlike_slew_block)
+    state_rows = rows(2)  # last input and last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -178,7 +171,3 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest steps of one sample up and down (V)."""
         return [self.up_V_s * ts_s, self.down_V_s * ts_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and last output."""
-        return 2

@@ -9,15 +9,14 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import (
     Clocked,
     DataScale,
     Effect,
     Extension,
     Look,
-    Parameter,
     Picture,
+    parameter,
 )
 from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
 from rdpi_gym.support.arrays import Array
@@ -45,18 +44,16 @@ class ThermalDrift(Clocked):
     [0.0, 0.632, 0.865]
     """
 
-    rate_um_s: float = 5e-3
-    time_constant_s: float = 200.0
+    rate_um_s: float = parameter(
+        5e-3, "µm/s", -1.0, 1.0, (2e-3, 2e-2), "drift d at t = 0", neutral=0.0
+    )
+    time_constant_s: float = parameter(
+        200.0, "s", 1.0, 1e5, (50.0, 1e3), "time constant of the warming, τ"
+    )
 
     name = "thermal_drift"
     slot = "output"
     order = 40
-    parameters = (
-        Parameter(
-            "rate_um_s", "µm/s", -1.0, 1.0, (2e-3, 2e-2), "drift d at t = 0", neutral=0.0
-        ),
-        Parameter("time_constant_s", "s", 1.0, 1e5, (50.0, 1e3), "time constant of the warming, τ"),
-    )  # fmt: skip
     equation = "y = y_m + d τ (1 - exp(-t / τ))"
     source = (
         "Expansion of the ceramic, -3.5e-6 to 11e-6 per kelvin (Physik Instrumente, piezo tutorial, "
@@ -110,10 +107,6 @@ class ThermalDrift(Clocked):
             for tau in (max(1.0, scale.longest_s), max(1.0, 10.0 * scale.longest_s))
         )
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Rate (µm/s) and time constant (s)."""
-        return [self.rate_um_s, self.time_constant_s]
-
 
 @njit(cache=True)
 def two_warmings_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -141,23 +134,14 @@ class TwoWarmings(Clocked, Extension, of=ThermalDrift):
 
     rate_um_s: float = 5e-3
     time_constant_s: float = 50.0
-    second_rate_um_s: float = 2e-3
-    second_time_constant_s: float = 500.0
+    second_rate_um_s: float = parameter(
+        2e-3, "µm/s", -1.0, 1.0, (1e-3, 1e-2), "drift of the second at t = 0, d2", neutral=0.0
+    )
+    second_time_constant_s: float = parameter(
+        500.0, "s", 1.0, 1e5, (300.0, 3e3), "its time constant, τ2"
+    )
 
     form = "two time constants"
-    parameters = (
-        *ThermalDrift.parameters,
-        Parameter(
-            "second_rate_um_s",
-            "µm/s",
-            -1.0,
-            1.0,
-            (1e-3, 1e-2),
-            "drift of the second at t = 0, d2",
-            neutral=0.0,
-        ),
-        Parameter("second_time_constant_s", "s", 1.0, 1e5, (300.0, 3e3), "its time constant, τ2"),
-    )
     equation = "y = y_m + d τ (1 - exp(-t / τ)) + d2 τ2 (1 - exp(-t / τ2))"
     cause = (
         "The stack warms up within a minute and the frame within an hour, each with an expansion "
@@ -176,13 +160,6 @@ class TwoWarmings(Clocked, Extension, of=ThermalDrift):
             )
             for ratio in (0.2, 5.0)
         )  # fmt: skip
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Rate (µm/s) and time constant (s) of each."""
-        return [
-            self.rate_um_s, self.time_constant_s,
-            self.second_rate_um_s, self.second_time_constant_s,
-        ]  # fmt: skip
 
 
 @njit(cache=True)
