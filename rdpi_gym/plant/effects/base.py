@@ -219,10 +219,9 @@ class Effect(ABC):
     @classmethod
     def _derive_parameters(cls) -> None:
         """Take the parameters from the fields, inherited ones first."""
-        simplest = cls.simplest.parameters if cls.simplest else ()
-        known, found = (
-            {p.name: p for p in of} for of in (simplest, getattr(cls, "parameters", ()))
-        )
+        known = {p.name: p for p in cls.simplest.parameters} if cls.simplest else {}
+        bases = reversed(cls.__mro__)
+        found = {p.name: p for base in bases for p in vars(base).get("parameters", ())}
         for name in get_annotations(cls):
             value = vars(cls).get(name)
             if isinstance(value, Field) and "parameter" in value.metadata:

@@ -16,7 +16,6 @@ from rdpi_gym.plant.effects import (
     SLOTS,
     Effect,
     Parameter,
-    catalogue,
     check_effect,
     forms_of,
     load_effect,
@@ -78,11 +77,11 @@ def own_file(tmp_path, monkeypatch):
     return write
 
 
-def installed(monkeypatch, *entries: EntryPoint) -> catalogue.Catalogue:
+def installed(monkeypatch, *entries: EntryPoint) -> room.Catalogue:
     monkeypatch.setattr(
-        catalogue, "entry_points", lambda group: [e for e in entries if e.group == group]
+        room, "entry_points", lambda group: [e for e in entries if e.group == group]
     )
-    return catalogue.Catalogue()
+    return room.Catalogue()
 
 
 def test_the_catalogue_stands_in_the_order_of_the_chain():
@@ -95,7 +94,7 @@ def test_the_catalogue_stands_in_the_order_of_the_chain():
 
 def test_a_file_of_the_room_is_a_helper_or_holds_the_effect_that_it_is_named_after():
     files = {path.stem for path in Path(room.__file__).parent.glob("*.py")}
-    helpers = {"__init__", "base", "catalogue", "description", "knots", "linear", "unknown_places"}
+    helpers = {"__init__", "base", "description", "knots", "linear"}
     assert files - {*CATALOGUE, "unknown"} == helpers
     for name in {*CATALOGUE, "unknown"}:
         assert CATALOGUE[name].__module__ == f"{room.__name__}.{name}"
@@ -104,7 +103,7 @@ def test_a_file_of_the_room_is_a_helper_or_holds_the_effect_that_it_is_named_aft
 @over("name", CATALOGUE)
 def test_what_an_effect_says_of_itself_is_whole(name):
     kind = CATALOGUE[name]
-    assert catalogue.check_effect(kind, name) is kind
+    assert check_effect(kind, name) is kind
     assert set(kind.mistaken_for) <= set(CATALOGUE) - {name}
     for text in (kind.equation, kind.source, kind.signature, kind.experiment):
         assert len(text) > 10
