@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.signals.base import ROUNDING, Signal, refuse, set_number, set_numbers, set_positive
+from rdpi_gym.signals.base import ROUNDING, Signal, number, numbers, positive, refuse
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -25,13 +25,8 @@ class Periodic(Signal):
         Phase at t = 0 (rad); 2π is one period.
     """
 
-    frequency_hz: float = 1.0
-    phase_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        set_positive(self, "frequency_hz")
-        set_number(self, "phase_rad")
+    frequency_hz: float = positive(1.0)
+    phase_rad: float = number(0.0)
 
     @property
     def period_s(self) -> float:
@@ -99,11 +94,7 @@ class Sawtooth(Periodic):
     """
 
     name: ClassVar[str] = "sawtooth"
-    flyback_fraction: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        set_number(self, "flyback_fraction", minimum=0.0, maximum=0.999)
+    flyback_fraction: float = number(0.0, minimum=0.0, maximum=0.999)
 
     @property
     def has_derivative(self) -> bool:
@@ -200,13 +191,11 @@ class NestedLoops(Signal):
     """
 
     name: ClassVar[str] = "nested-loops"
-    turning_points: tuple[float, ...] = first_order_reversals(5)
-    frequency_hz: float = 1.0
+    turning_points: tuple[float, ...] = numbers(first_order_reversals(5), count=2)
+    frequency_hz: float = positive(1.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_positive(self, "frequency_hz")
-        set_numbers(self, "turning_points", count=2)
         if not np.diff(self.turning_points, append=self.turning_points[0]).all():
             raise refuse(self, "turning_points", "points that each differ from the one before")
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rdpi_gym.signals.base import Signal, refuse, set_integer, set_number, set_positive
+from rdpi_gym.signals.base import Signal, number, positive, refuse, whole
 from rdpi_gym.signals.periodic import Periodic, ramps, ramps_rate
 from rdpi_gym.signals.steps import Staircase
 from rdpi_gym.support.arrays import Array
@@ -36,13 +36,11 @@ class Raster(Periodic):
     """
 
     name: ClassVar[str] = "raster"
-    trace_fraction: float = 0.5
-    turnaround_fraction: float = 0.1
+    trace_fraction: float = number(0.5, minimum=0.001, maximum=0.999)
+    turnaround_fraction: float = number(0.1, minimum=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_number(self, "trace_fraction", minimum=0.001, maximum=0.999)
-        set_number(self, "turnaround_fraction", minimum=0.0)
         shorter = min(self.trace_fraction, 1.0 - self.trace_fraction)
         if self.turnaround_fraction > shorter:
             raise refuse(
@@ -75,12 +73,8 @@ class RasterSlowRamp(Signal):
     """
 
     name: ClassVar[str] = "raster-slow-ramp"
-    frequency_hz: float = 1.0
-    lines: int = 64
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_frame(self)
+    frequency_hz: float = positive(1.0)
+    lines: int = whole(64, minimum=2, maximum=1_000_000)
 
     @property
     def period_s(self) -> float:
@@ -112,12 +106,8 @@ class RasterSlowStairs(Staircase):
     """
 
     name: ClassVar[str] = "raster-slow-stairs"
-    frequency_hz: float = 1.0
-    lines: int = 64
-
-    def __post_init__(self) -> None:
-        _check_frame(self)
-        super().__post_init__()
+    frequency_hz: float = positive(1.0)
+    lines: int = whole(64, minimum=2, maximum=1_000_000)
 
     @property
     def _hold_s(self) -> float:
@@ -127,8 +117,3 @@ class RasterSlowStairs(Staircase):
     def _stairs(self) -> Array:
         up = np.linspace(-1.0, 1.0, self.lines)
         return np.concatenate([up, up[::-1]])
-
-
-def _check_frame(signal: RasterSlowRamp | RasterSlowStairs) -> None:
-    set_positive(signal, "frequency_hz")
-    set_integer(signal, "lines", minimum=2, maximum=1_000_000)
