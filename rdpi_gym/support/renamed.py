@@ -47,6 +47,8 @@ rdpi_gym.plant.stages rdpi_gym.plant.plant
 rdpi_gym.signals.checks rdpi_gym.signals.base
 rdpi_gym.signals.loops rdpi_gym.signals.periodic
 rdpi_gym.signals.processes rdpi_gym.signals.broadband
+rdpi_gym.signals.raster rdpi_gym.signals.periodic
+rdpi_gym.signals.registry rdpi_gym.signals
 rdpi_gym.signals.sweeps rdpi_gym.signals.broadband
 """
 
