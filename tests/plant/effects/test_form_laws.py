@@ -112,16 +112,6 @@ def test_creep_in_every_form_is_a_sum_of_exact_lags(words, ts):
     np.testing.assert_allclose(ran(effect, x, ts), expected, atol=1e-6 * np.abs(x).max())
 
 
-@over("kind", [k for k in FORMS if k.name in ("creep", "slew_limit")])
-def test_an_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(kind):
-    x = rough(200)
-    fine = np.interp(np.arange(199 * 8 + 1) / 8, np.arange(200), x)
-    effect = kind()
-    np.testing.assert_allclose(
-        effect.run(fine, 0.01 / 8)[::8], effect.run(x, 0.01), atol=1e-9 * np.abs(x).max()
-    )
-
-
 @over("words", [kind.form for kind in forms_of(CATALOGUE["creep"])[1:]])
 def test_creep_begins_at_rest_and_ends_with_its_whole_gain(words):
     effect = form("creep", words)()
@@ -149,15 +139,6 @@ def test_asymmetry_is_a_polynomial_of_the_displacement_and_congruency_one_of_the
     expected = linear + (1.0 + polynomial(u / span)) * (x - linear)
     y = form("congruency", weighted)(*powers, span).run(x, TS, u, P10.hysteresis)
     np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(x).max())
-
-
-def test_congruency_about_the_middle_is_alike_on_both_sides_of_it():
-    middle_V, x = 12.0, rough()
-    effect = form("congruency", "about the middle of the range")(0.2, 30.0, middle_V)
-    for u in (middle_V - 15.0, middle_V + 15.0):
-        plays = x - P10.hysteresis.a0 * u
-        y = effect.run(x, TS, np.full(len(x), u), P10.hysteresis)
-        np.testing.assert_allclose(y, x + 0.05 * plays, rtol=1e-12, atol=1e-12)
 
 
 def test_asymmetry_of_the_command_does_not_see_the_displacement():
