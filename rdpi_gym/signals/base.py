@@ -42,6 +42,12 @@ def set_number(
     object.__setattr__(signal, field, float(value))
 
 
+def set_positive(signal: Any, *fields: str) -> None:
+    """Store fields as floats after checking that they are finite and above zero."""
+    for field in fields:
+        set_number(signal, field, above=0.0)
+
+
 def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = None) -> None:
     """Store a field as an int after checking that it is a whole number within its bounds."""
     value = getattr(signal, field)

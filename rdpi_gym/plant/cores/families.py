@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.base import check_shape as check_shape  # also a user's cores call it
+
+# also where a user's cores import them from
+from rdpi_gym.plant.cores.base import check_rate_bandwidth as check_rate_bandwidth
+from rdpi_gym.plant.cores.base import check_shape as check_shape
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
