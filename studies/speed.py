@@ -48,7 +48,7 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from studies.bare_metal import HERE, write_sources
-from studies.runner import RESULTS, Files, Study
+from studies.runner import RESULTS, Files, Study, names_of
 
 YARDSTICK, PIEZO = "CartPole-v1", "rdpi_gym/PiezoTracking-v0"
 AS_TRAINED = "as in a training, in ten groups"
@@ -500,12 +500,11 @@ def as_markdown(name: str, table: pd.DataFrame, rounds: int) -> str:
 
 def _files(chosen: Namespace) -> Files:
     files: dict[str, str | pd.DataFrame] = {}
-    for name in chosen.parts or PARTS:
-        if name not in PARTS:
-            raise InputError(f"no part is named {name!r}; known are {', '.join(PARTS)}")
+    for name in names_of("part", chosen.parts, PARTS):
         table = PARTS[name].measure(chosen.rounds)
-        files[f"{name}_speed.csv"] = table
-        files[f"{name}_speed.md"] = as_markdown(name, table, chosen.rounds)
+        file = f"{name}_speed"
+        files[f"{file}.csv"] = table
+        files[f"{file}.md"] = as_markdown(name, table, chosen.rounds)
     return files
 
 
