@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import studies.tutorial
-from rdpi_gym.measurement import DATA_HINT, measured_data
+from rdpi_gym.measurement import example_folder
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
@@ -38,11 +38,8 @@ def _run(options: Namespace) -> None:
 
 def make_page(name: str, out: Path) -> Path:
     """Make one page and its pictures."""
-    picma = measured_data("picma")
-    if picma is None:
-        raise InputError(f"the folder picma is missing. {DATA_HINT}")
     with tempfile.TemporaryDirectory() as folder, browser() as chromium:
-        session = Session(Path(folder), {"PICMA": picma.resolve()})
+        session = Session(Path(folder), {"PICMA": example_folder("picma")})
         page, pictures = fill(
             TEMPLATES[name].read_text(encoding="utf-8"), session, chromium.picture
         )
