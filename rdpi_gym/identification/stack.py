@@ -107,7 +107,8 @@ def thin(stack: Stack, samples: int) -> Stack:
 
 @njit(cache=True)
 def _range(x: Array, first: int, end: int) -> float:
-    low = high = x[first]
+    low: float = x[first]
+    high: float = low
     for t in range(first, end):
         low, high = min(low, x[t]), max(high, x[t])
     return high - low
