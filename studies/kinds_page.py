@@ -118,7 +118,7 @@ def _plants() -> str:
         + table(["plant", "core and effects", "commands", "held out"], rows)
         + "\n\n"
         + "\n".join(f"- `{name}`: {source}." for name, source in sources.items())
-        + "\n\nOnly parameters ship, not the records. `python -m studies.core_plants` makes the files again from "
+        + "\n\nOf the records only the stack's ship. `python -m studies.core_plants` makes the files again from "
         "records in `$RDPI_DATA`.\n"
     )
 

@@ -14,9 +14,8 @@ from argparse import Namespace
 from functools import partial
 from pathlib import Path
 
-from rdpi_gym.measurement import DATA_HINT, measured_data
+from rdpi_gym.measurement import example_folder
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.errors import InputError
 from studies.chromium import chromium, figure_png
 from studies.pages import TEMPLATES, Session, fill
 from studies.runner import Files, Study, names_of
@@ -34,11 +33,8 @@ def _files(options: Namespace) -> Files:
 
 def make_page(name: str) -> dict[str, str | bytes]:
     """Return a page and its pictures by their paths."""
-    picma = measured_data("picma")
-    if picma is None:
-        raise InputError(f"the folder picma is missing. {DATA_HINT}")
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        session = Session(Path(folder), {"PICMA": picma.resolve()})
+        session = Session(Path(folder), {"PICMA": example_folder("picma").resolve()})
         template = TEMPLATES[name].read_text(encoding="utf-8")
         page, pictures = fill(template, session, partial(figure_png, browser))
     return {**pictures, f"{name}.md": page}

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+from rdpi_gym.measurement import DataOptions, example_folder, load
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from studies.pages import (
@@ -177,17 +177,15 @@ def test_an_unknown_page_is_refused(capsys):
 
 
 def test_the_settings_shown_read_the_published_files(tmp_path):
-    """Tab-separated, without header or time: as `DATA_HINT`'s repository has them."""
-    folder = measured_data("picma")
-    if folder is None or not (folder / "identification.csv").is_file():
-        pytest.skip(f"picma/identification.csv is absent. {DATA_HINT}")
+    """Tab-separated, without header or time: as the published files are."""
+    folder = example_folder("picma")
     (settings,) = re.findall(
         r"^```toml\n(.*?)^```$", TEMPLATES["tutorial"].read_text("utf-8"), re.M | re.S
     )
     (tmp_path / "dataset.toml").write_text(settings, encoding="utf-8")
     for name, columns in (("identification", 7), ("validation", 11)):
-        table = np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)
-        raw = np.zeros((len(table), columns))
+        table = np.load(folder / f"{name}.npz")
+        raw = np.zeros((len(table["u"]), columns))
         raw[:, 0], raw[:, 4] = table["u"], table["y"]
         np.savetxt(tmp_path / f"{name}.dat", raw, fmt="%.6f", delimiter="\t")
     found = load(tmp_path, DataOptions(sampling_time_s=5e-3))
