@@ -44,8 +44,8 @@ def set_number(
 
 def set_positive(signal: Any, *fields: str) -> None:
     """Store fields as floats after checking that they are finite and above zero."""
-    for field in fields:
-        set_number(signal, field, above=0.0)
+    for name in fields:
+        set_number(signal, name, above=0.0)
 
 
 def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = None) -> None:
