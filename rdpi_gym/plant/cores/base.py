@@ -157,27 +157,19 @@ class Core(ABC):
         """
 
     def roughness(self) -> Array:
-        """Return the matrix R of the roughness g'R g (µm²) that a fit prices uneven gains g by.
+        """Return R, float64[K, K], of the roughness g'R g (µm²) that a fit prices uneven gains g by.
 
         Gains that records tell only together are then alike, and not whatever the noise makes of
         them. Zero, of gains that are few or have no neighbours: no price.
-
-        Returns
-        -------
-        float64[K, K]
-            Over :attr:`gains`.
         """
         return np.zeros((len(self.gains),) * 2)
 
     @classmethod
     @abstractmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Return where a fit begins, one for each optimum that it may fall into.
+        """Return where a fit to data of a size begins, one for each optimum that it may fall into.
 
-        Parameters
-        ----------
-        scale
-            Size of the data: a core of many fixed thresholds or levels spreads them over it.
+        A core of many fixed thresholds or levels spreads them over the data.
         """
 
     @classmethod
@@ -185,11 +177,6 @@ class Core(ABC):
         """Return what a search for effects begins with: as many fixed thresholds as it needs.
 
         The first of :meth:`starts`, unless stated.
-
-        Parameters
-        ----------
-        scale
-            Size of the data.
         """
         return cls.starts(scale)[0]
 
@@ -210,17 +197,9 @@ class Core(ABC):
         return self
 
     def rated_at(self, fastest_V_s: float) -> Self | None:
-        """Return the core as it would show its dependence on the rate of thresholds, where it has any.
+        """Return the core as it would show thresholds that grow with the rate, up to `fastest_V_s` (V/s).
 
-        Parameters
-        ----------
-        fastest_V_s
-            Largest rate of the command (V/s): what a core without it is given is seen there.
-
-        Returns
-        -------
-        Core or None
-            None: no core of this kind has thresholds that grow with the rate.
+        None, by default: no core of this kind has such thresholds.
         """
         return None
 
@@ -287,10 +266,8 @@ class Core(ABC):
         if self.spaced:
             core = dataclasses.replace(core, thresholds_V=tuple(np.cumsum(gaps * between).tolist()))
         if self.shape:
-            values = [
-                getattr(self, p.name) * f for p, f in zip(self.shape, rest.tolist(), strict=True)
-            ]
-            core = core.with_shape({p.name: x for p, x in zip(self.shape, values, strict=True)})
+            pairs = zip(self.shape, rest.tolist(), strict=True)
+            core = core.with_shape({p.name: getattr(self, p.name) * f for p, f in pairs})
         return core  # type: ignore[no-any-return]
 
     @abstractmethod
