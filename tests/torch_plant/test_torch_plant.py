@@ -72,32 +72,6 @@ def test_every_effect_and_form_is_that_of_the_kernels():
             assert deviation(random_models(3, form()), u) < 1e-14, form.full_name()
 
 
-@pytest.mark.slow
-def test_every_effect_is_that_of_the_kernels_over_many_short_samples():
-    """Poles close to one, and delays of many samples."""
-    u = commands(800, lanes=5, ts_s=2e-5)
-    for name, kind in CATALOGUE.items():
-        assert deviation(random_models(5, kind()), u, ts_s=2e-5) < 1e-14, name
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ts_s", [1e-4, 1e-5, 1e-6])
-@pytest.mark.parametrize("hz", [None, 800.0])
-@pytest.mark.parametrize("name", ["P5", "P10", "picma"])
-def test_a_rate_is_that_of_the_kernels_at_any_sampling_time(name, hz, ts_s):
-    model = named_plant(name)
-    model = model.with_hysteresis(model.hysteresis.band_limited(hz))
-    assert deviation(model, commands(600, lanes=4, ts_s=ts_s), ts_s) < 1e-14
-
-
-@pytest.mark.slow
-def test_a_long_run_gathers_no_error():
-    model = named_plant("P10")
-    model = model.with_hysteresis(model.hysteresis.band_limited(800.0))
-    error = deviations(model, commands(10_000, lanes=8))
-    assert error.max() < 1e-14
-
-
 @settings(max_examples=25)
 @given(
     st.lists(st.floats(-40.0, 40.0), min_size=1, max_size=20),

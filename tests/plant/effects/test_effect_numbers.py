@@ -119,15 +119,6 @@ def test_drifts_follow_the_clock():
     assert warm[-1] == pytest.approx(0.01 * 20, rel=1e-6)
 
 
-def test_hum_is_one_line_of_its_amplitude_and_phase():
-    ts = 1e-3
-    hum = CATALOGUE["mains_hum"](amplitude_um=0.02, frequency_hz=60.0, phase_rad=0.4)
-    line = np.fft.rfft(hum.run(np.zeros(1000), ts))
-    assert np.abs(line).argmax() == 60
-    assert 2 * abs(line[60]) / 1000 == pytest.approx(0.02)
-    assert np.angle(line[60]) == pytest.approx(0.4 - np.pi / 2)
-
-
 def test_initial_memory_is_wiped_out_by_the_first_larger_excursion():
     u = np.concatenate([np.linspace(0, 12, 50), np.linspace(12, -30, 80), np.linspace(-30, 35, 99)])
     bare = Plant(plant_with(static=True), 1e-3).simulate(u)

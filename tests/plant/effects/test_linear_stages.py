@@ -7,7 +7,6 @@ from scipy.linalg import expm
 from scipy.signal import lsim
 
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
-from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes, pack_two_lags
 from tests.looping import over
 
@@ -43,7 +42,6 @@ SYSTEMS = {
     "sensor_lag": ({"time_constant_s": 3e-4}, ([1.0], [3e-4, 1.0])),
     "resonance": ({"f0_hz": 700.0, "damping": ZETA}, ([W0**2], [1.0, 2 * ZETA * W0, W0**2])),
 }
-SIMPLEST = {**{k: v[0] for k, v in SYSTEMS.items()}, "delay": {"delay_s": 3.3e-4}, "creep": {}}
 LINEAR = {
     **{(name, "", None): system for name, system in SYSTEMS.items()},
     **{
@@ -103,41 +101,6 @@ def test_two_lags_stay_lags_at_any_ratio_of_their_times(ratio, ts):
     assert np.all(p[:8] >= -1e-15)
     assert np.all(p[:8] <= 1.0 + 1e-15)
     np.testing.assert_allclose([p[0] + p[4] + p[6], p[2] + p[3] + p[5] + p[7]], 1.0, atol=1e-14)
-
-
-NESTED = {
-    ("actuator_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
-    ("sensor_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
-    ("sensor_lag", "third order"): (
-        {"time_constant_s": 4e-4},
-        {"second_share": 0.0, "third_share": 0.3},
-    ),
-    ("resonance", "with a zero"): ({"f0_hz": 700.0, "damping": 0.03}, {"static_share": 0.0}),
-    ("resonance", "two modes"): (
-        {"f0_hz": 700.0, "damping": 0.03},
-        {"second_hz": 90.0, "second_damping": 0.1, "second_share": 0.0},
-    ),
-    ("thermal_drift", "two time constants"): (
-        {"rate_um_s": 0.3, "time_constant_s": 20.0},
-        {"second_rate_um_s": 0.0, "second_time_constant_s": 90.0},
-    ),
-    ("mains_hum", "with harmonics"): (
-        {"amplitude_um": 0.4, "frequency_hz": 49.9, "phase_rad": 0.7},
-        {},
-    ),
-    ("gain_drift", "to a limit"): ({"rate_per_s": 1e-2}, {"time_constant_s": 1e7}),
-}
-
-
-@over("case", NESTED)
-def test_the_simpler_form_is_one_of_the_richer(case):
-    own, neutral = NESTED[case]
-    x = rough(1500)
-    simple, rich = (
-        CATALOGUE[case[0]](**own).run(x, 1e-4),
-        form(*case)(**own, **neutral).run(x, 1e-4),
-    )
-    np.testing.assert_allclose(rich, simple, atol=1e-12 * np.abs(x).max())
 
 
 @over("ratio", [0.0, 0.02, 0.5, 1.0])
@@ -302,19 +265,6 @@ def test_slew_limit_is_exact_where_output_and_command_meet_between_samples():
         value += np.clip(fine[k] - value, -1.0 / 512, 1.0 / 512)
         naive.append(value)
     np.testing.assert_allclose(coarse, naive[::512], atol=0.1)
-
-
-def test_every_element_of_creep_is_an_exact_lag():
-    x, ts = rough(400), 0.02
-    lag, gain = CATALOGUE["sensor_lag"], 0.04
-    elements = [lag(time_constant_s=tau).run(x, ts) for tau in TIME_CONSTANTS_S if tau <= 0.1]
-    times = np.arange(400) * ts
-    for tau in TIME_CONSTANTS_S:
-        if tau > 0.1:
-            elements.append(lsim(([1.0], [tau, 1.0]), x, times, interp=True)[1])
-    expected = x + gain / 2 * np.sum(elements, axis=0)
-    y = CATALOGUE["creep"](gain_per_decade=gain).run(x, ts)
-    np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(x).max())
 
 
 def test_every_mode_that_the_sampling_shows_lies_near_a_start():
