@@ -225,6 +225,11 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     }
     """
 
+    # from the table of NumPy's functions
+    ravel: Callable[..., Traced]
+    reshape: Callable[..., Traced]
+    transpose: Callable[..., Traced]
+
     def __init__(self, store: Store, places: Places) -> None:
         self.store, self.places = store, places
         self.recording, self.kind = store.recording, store.kind

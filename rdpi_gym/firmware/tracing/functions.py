@@ -79,7 +79,7 @@ _OF_FLAGS: dict[np.ufunc, str] = {
 }
 # Second operands that change nothing.
 _NEUTRAL = {np.subtract: "RDPI_C(0.0)", np.multiply: "RDPI_C(1.0)"}
-_POWERS = {1.0: "{0}", 2.0: "{0} * {0}", 0.5: "RDPI_SQRT({0})"}
+_POWERS: dict[float | None, str] = {1.0: "{0}", 2.0: "{0} * {0}", 0.5: "RDPI_SQRT({0})"}
 
 
 def apply_ufunc(
