@@ -47,9 +47,9 @@ def measure(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     """Train for some rollouts after a first one."""
     from stable_baselines3 import PPO
 
-    from baselines.learned.folder import Run
-    from baselines.learned.native.learner import NativeLearner
-    from baselines.learned.native.update import NativePPO
+    from baselines.learned.native_learner import NativeLearner
+    from baselines.learned.native_ppo import NativePPO
+    from baselines.learned.options import Run
     from baselines.learned.stable_baselines import StableBaselinesLearner
     from baselines.learned.training import Options as Training
 
