@@ -109,11 +109,6 @@ class Student:
             }
         return Student(rounded, self.weighted)
 
-    def amplified(self, factor: float) -> Student:
-        """Return the student with its answers multiplied."""
-        head = {name: np.float32(factor) * self.arrays[name] for name in ("head", "head_bias")}
-        return Student({**self.arrays, **head}, self.weighted)
-
     @property
     def inputs(self) -> int:
         """Numbers seen beside errors and corrections."""
