@@ -80,7 +80,10 @@ def broken_documents() -> list[tuple[object, str]]:
         ({**good, "colour": 1}, "unknown key 'colour'"),
         ({k: v for k, v in good.items() if k != "hysteresis"}, "needs the keys hysteresis"),
         ({**good, "hysteresis": [1]}, "hysteresis"),
-        ({**good, "hysteresis": {**hysteresis, "weights": ["a"]}}, "weights is 'a'"),
+        (
+            {**good, "hysteresis": {**hysteresis, "weights": ["a"]}},
+            "weights[0] is 'a'; expected a number",
+        ),
         ({**good, "hysteresis": {**hysteresis, "delta2_s": None}}, "hysteresis"),
         ({**good, "hysteresis": {**hysteresis, "weights": [0.0] * 6}}, "a_0 is 0.0"),
         ({**good, "command_range_V": [3.0]}, "command_range_V"),
