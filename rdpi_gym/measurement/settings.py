@@ -28,64 +28,39 @@ _RECORD_KEYS = ("role", "skip_s", "mask_s", "ts_s", "note", "columns", "units", 
 
 @dataclass(frozen=True)
 class RecordSettings:
-    """Settings of one record in ``dataset.toml``.
+    """Settings of one record in ``dataset.toml``."""
 
-    Parameters
-    ----------
-    role
-        ``train``, ``validation``, ``test``, or None: by its name.
-    skip_s
-        Seconds at its start that are simulated and left out of the error, or None: as the folder
-        says.
-    mask_s
-        Stretches (s, from and to) left out of the error, still simulated.
-    ts_s
-        Sampling time (s) where its file has no time column, or times that are rounded.
-    note
-        What the experimenter wrote about it.
-    columns, units
-        Of its file, where they differ from those of the folder.
-    separator
-        Between the values of its file, one of `rdpi_gym.measurement.text.SEPARATORS`; by default it
-        is found.
-    """
-
-    role: Role | None = None
+    role: Role | None = None  # ``train``, ``validation``, ``test``, or None: by its name
+    # Seconds at its start that are simulated and left out of the error, or None: as the folder
+    # says
     skip_s: float | None = None
+    # Stretches (s, from and to) left out of the error, still simulated
     mask_s: tuple[tuple[float, float], ...] = ()
+    # Sampling time (s) where its file has no time column, or times that are rounded
     ts_s: float | None = None
-    note: str = ""
+    note: str = ""  # What the experimenter wrote about it
+    # Of its file, where they differ from those of the folder
     columns: Mapping[str, str | int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    # Between the values of its file, one of `rdpi_gym.measurement.text.SEPARATORS`; by default it
+    # is found
     separator: str = ""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a folder in ``dataset.toml``.
+    """Settings of a folder in ``dataset.toml``."""
 
-    Parameters
-    ----------
-    title
-        What the data set is.
-    skip_s
-        Seconds at the start of each record that are simulated and left out of the error.
-    columns, units
-        As `DataOptions` has them.
-    inputs
-        Names of the columns that are inputs, where a file has several.
-    quantities
-        Name, symbol and unit of ``input`` and ``output``, as far as they are said.
-    records
-        What it says about single records, by name.
-    """
-
-    title: str = ""
+    title: str = ""  # What the data set is
+    # Seconds at the start of each record that are simulated and left out of the error
     skip_s: float = 0.0
+    # As `DataOptions` has them
     columns: Mapping[str, str | int] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    inputs: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()  # Names of the columns that are inputs, where a file has several
+    # Name, symbol and unit of ``input`` and ``output``, as far as they are said
     quantities: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    # What it says about single records, by name
     records: Mapping[str, RecordSettings] = field(default_factory=dict)
 
     def of(self, record: str) -> RecordSettings:

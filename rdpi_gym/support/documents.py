@@ -25,24 +25,14 @@ _LARGEST = 1e308  # a number of a document: neither infinite nor a whole one of 
 
 @dataclass(frozen=True)
 class Stored:
-    """Form of a field in a document, where the annotation alone does not state it.
+    """Form of a field in a document, where the annotation alone does not state it."""
 
-    Parameters
-    ----------
-    key
-        Its key; the name of the field by default.
-    null
-        Number that a JSON null stands for; a number that is not finite is written as null then.
-    inline
-        Whether the fields of its dataclass stand beside those of the one that has it.
-    omitted
-        Whether it is neither written nor read, and has its default.
-    """
-
-    key: str = ""
+    key: str = ""  # Its key; the name of the field by default
+    # Number that a JSON null stands for; a number that is not finite is written as null then
     null: float | None = None
+    # Whether the fields of its dataclass stand beside those of the one that has it
     inline: bool = False
-    omitted: bool = False
+    omitted: bool = False  # Whether it is neither written nor read, and has its default
 
 
 def stored(key: str = "", **form: Any) -> Mapping[str, Stored]:
