@@ -77,7 +77,7 @@ def broken_documents() -> list[tuple[object, str]]:
         ({**good, "format": "rdpi-discovery"}, "is not a rdpi-plant file"),
         ({**good, "version": 99}, "version 99"),
         ({**good, "version": True}, "version True"),
-        ({**good, "colour": 1}, "unknown key 'colour'"),
+        ({**good, "colour": 1}, "'colour' is unknown; known are hysteresis"),
         ({k: v for k, v in good.items() if k != "hysteresis"}, "needs the keys hysteresis"),
         ({**good, "hysteresis": [1]}, "hysteresis"),
         (
