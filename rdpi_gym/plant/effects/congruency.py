@@ -15,12 +15,11 @@ from rdpi_gym.support.arrays import Array
 
 @njit(cache=True)
 def congruency_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²), u_c (V). No state."""
+    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²). No state."""
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
-            away = u[t, b] - p[2, b]
             plays = x[t, b] - p[0, b] * u[t, b]
-            y[t, b] = x[t, b] + p[1, b] * away * away * plays
+            y[t, b] = x[t, b] + p[1, b] * u[t, b] * u[t, b] * plays
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,20 @@ class Congruency(Stateless):
         return (cls.within_bounds(coefficient=0.05, span_V=scale.span_V),)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """a_0 (µm/V), c / U² (1/V²), and the command (V) about which they change."""
-        return [hysteresis.a0, self.coefficient / self.span_V**2, 0.0]
+        """a_0 (µm/V) and c / U² (1/V²)."""
+        return [hysteresis.a0, self.coefficient / self.span_V**2]
+
+
+@njit(cache=True)
+def congruency_centred_block(
+    x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
+) -> None:
+    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²), u_c (V). No state."""
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            away = u[t, b] - p[2, b]
+            plays = x[t, b] - p[0, b] * u[t, b]
+            y[t, b] = x[t, b] + p[1, b] * away * away * plays
 
 
 @dataclass(frozen=True)
@@ -111,7 +122,7 @@ class AboutTheMiddle(Stateless, of=Congruency):
         "Minor loops of the same span differ in area between the middle of the range and its ends, "
         "alike on both sides."
     )
-    block = staticmethod(congruency_block)
+    block = staticmethod(congruency_centred_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:

@@ -9,9 +9,8 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Picture, parameter
-from rdpi_gym.plant.effects.knots import ByKnots, Smooth, at_knots, settling_block
+from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
 from rdpi_gym.support.arrays import Array
 
 
@@ -91,6 +90,19 @@ class GainDrift(Clocked):
     block = staticmethod(gain_drift_block)
 
 
+@njit(cache=True)
+def gain_to_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: relative rate (1/s), τ (s). Row of the state: samples since t = 0."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            grown = -p[0, b] * p[1, b] * math.expm1(-state[0, b] * ts / p[1, b])
+            y[t, b] = x[t, b] + grown * x[t, b]
+            state[0, b] += 1.0
+
+
 @dataclass(frozen=True)
 class GainDriftToLimit(Clocked, of=GainDrift):
     """Displacement multiplied by a gain that changes ever more slowly and settles.
@@ -118,7 +130,7 @@ class GainDriftToLimit(Clocked, of=GainDrift):
         "Residual proportional to the displacement, growing with the experiment's clock and less "
         "and less."
     )
-    block = staticmethod(settling_block)
+    block = staticmethod(gain_to_limit_block)
 
     @classmethod
     def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
@@ -144,9 +156,20 @@ class GainDriftToLimit(Clocked, of=GainDrift):
             for tau in (scale.lasts_s / 5.0, scale.lasts_s)
         )
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Relative, rate (1/s), time constant (s)."""
-        return [1.0, *self.values.values()]
+
+@njit(cache=True)
+def gain_knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), changes of the gain at the knots after t = 0.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p, b) * x[t, b]
+            state[0, b] += 1.0
 
 
 # Of the values at knots: suffix, unit, bounds, typical range and meaning.
@@ -182,6 +205,22 @@ class GainByKnots(ByKnots, of=GainDrift):
         "Residual proportional to the displacement, by a factor that wanders with the experiment's "
         "clock."
     )
+    block = staticmethod(gain_knots_block)
+
+
+@njit(cache=True)
+def gain_curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), four coefficients of each cubic.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p, b) * x[t, b]
+            state[0, b] += 1.0
 
 
 @dataclass(frozen=True)
@@ -209,3 +248,4 @@ class GainByCurve(Smooth, GainByKnots, of=GainDrift):
         "y = (1 + z(t)) y_m, z a natural cubic spline through z(k D / 14) = zk, z(0) = 0, constant "
         "from D on"
     )
+    block = staticmethod(gain_curve_block)

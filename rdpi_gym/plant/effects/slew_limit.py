@@ -31,14 +31,13 @@ def _follow(last: float, now: float, out: float, up: float, down: float) -> floa
 def slew_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel, exact for an input linear between samples.
 
-    Rows of ``p``: largest steps of one sample up and down (V). Rows of the state: last input, last
-    output (V).
+    Row of ``p``: largest step of one sample (V). Rows of the state: last input, last output (V).
     """
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             if np.isnan(state[0, b]):
                 state[0, b] = state[1, b] = x[t, b]
-            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[1, b])
+            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[0, b])
             state[0, b] = x[t, b]
             state[1, b] = y[t, b] = out
 
@@ -105,8 +104,24 @@ class SlewLimit(Effect):
         return tuple(cls.within_bounds(rate_V_s=scale.fastest_V_s / 1.18**k) for k in range(24))
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Largest step of one sample (V), up and down."""
-        return [self.rate_V_s * ts_s] * 2
+        """Largest step of one sample (V)."""
+        return [self.rate_V_s * ts_s]
+
+
+@njit(cache=True)
+def unlike_slew_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel, exact for an input linear between samples.
+
+    Rows of ``p``: largest steps of one sample up and down (V). Rows of the state: last input, last
+    output (V).
+    """
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            if np.isnan(state[0, b]):
+                state[0, b] = state[1, b] = x[t, b]
+            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[1, b])
+            state[0, b] = x[t, b]
+            state[1, b] = y[t, b] = out
 
 
 @dataclass(frozen=True)
@@ -129,7 +144,7 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
         "Nothing below a critical product of amplitude and frequency, above it saw teeth: even "
         "and odd harmonics."
     )
-    block = staticmethod(slew_limit_block)
+    block = staticmethod(unlike_slew_block)
     state_rows = rows(2)  # last input and last output
 
     @classmethod

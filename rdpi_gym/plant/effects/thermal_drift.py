@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
-from rdpi_gym.plant.cores.base import Core
+import numpy as np
+from numba import njit
+
 from rdpi_gym.plant.effects.base import (
     Clocked,
     DataScale,
@@ -15,7 +18,20 @@ from rdpi_gym.plant.effects.base import (
     Picture,
     parameter,
 )
-from rdpi_gym.plant.effects.knots import ByKnots, Smooth, at_knots, settling_block
+from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
+from rdpi_gym.support.arrays import Array
+
+
+@njit(cache=True)
+def thermal_drift_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: rate (µm/s), τ (s). Row of the state: samples since t = 0."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] - p[0, b] * p[1, b] * math.expm1(-state[0, b] * ts / p[1, b])
+            state[0, b] += 1.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +90,7 @@ class ThermalDrift(Clocked):
         Look("response", "Five minutes at a constant command", "at-rest"),
         Look("left_over_time", "What a refit leaves of the stairs", "stairs"),
     )
-    block = staticmethod(settling_block)
+    block = staticmethod(thermal_drift_block)
 
     @classmethod
     def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
@@ -91,9 +107,19 @@ class ThermalDrift(Clocked):
             for tau in (max(1.0, scale.longest_s), max(1.0, 10.0 * scale.longest_s))
         )
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """In µm; rate (µm/s) and time constant (s) of each warming."""
-        return [0.0, *self.values.values()]
+
+@njit(cache=True)
+def two_warmings_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: rate (µm/s), τ (s), of each. Row of the state: samples since t = 0."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            time = state[0, b] * ts
+            first = x[t, b] - p[0, b] * p[1, b] * math.expm1(-time / p[1, b])
+            y[t, b] = first - p[2, b] * p[3, b] * math.expm1(-time / p[3, b])
+            state[0, b] += 1.0
 
 
 @dataclass(frozen=True)
@@ -121,7 +147,7 @@ class TwoWarmings(Clocked, Extension, of=ThermalDrift):
         "The stack warms up within a minute and the frame within an hour, each with an expansion "
         "of its own, which may oppose the other."
     )
-    block = staticmethod(settling_block)
+    block = staticmethod(two_warmings_block)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -135,7 +161,20 @@ class TwoWarmings(Clocked, Extension, of=ThermalDrift):
             for ratio in (0.2, 5.0)
         )  # fmt: skip
 
-    coefficients = ThermalDrift.coefficients
+
+@njit(cache=True)
+def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), values at the knots after t = 0 (µm).
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p, b)
+            state[0, b] += 1.0
 
 
 # Of the values at knots: suffix, unit, bounds, typical range and meaning.
@@ -172,6 +211,22 @@ class DriftByKnots(ByKnots, of=ThermalDrift):
         "Hardware: a box around it, invar, warm-up. Compensation: none beforehand, as it does not "
         "repeat; take it out of a record, or close the loop."
     )
+    block = staticmethod(knots_block)
+
+
+@njit(cache=True)
+def curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: time between knots (s), four coefficients (µm) of each cubic.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p, b)
+            state[0, b] += 1.0
 
 
 @dataclass(frozen=True)
@@ -199,3 +254,4 @@ class DriftByCurve(Smooth, DriftByKnots, of=ThermalDrift):
         "y = y_m + z(t), z a natural cubic spline through z(k D / 14) = zk, z(0) = 0, constant from "
         "D on"
     )
+    block = staticmethod(curve_block)
