@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rdpi_gym.measurement import example_folder, measured_data
+
 
 @dataclass(frozen=True)
 class Example:
-    """Something to begin with.
-
-    Parameters
-    ----------
-    key, title, text
-        Its name, and what it is.
-    kind
-        ``exercise`` (simulated, effects are hidden) or ``measured``.
-    records, samples
-        How many there are.
-    simulated
-        Arguments of :func:`rdpi_gym.simulate`; None for measured records.
-    folder
-        Name of the folder of measured records.
-    settings
-        What is said of them beside their own ``dataset.toml``.
-    """
+    """Something to begin with."""
 
     key: str
     title: str
     text: str
-    kind: str
+    kind: str  # ``exercise`` (simulated, effects are hidden) or ``measured``
     records: int
     samples: int
-    simulated: Mapping[str, Any] | None = None
-    folder: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    simulated: Mapping[str, Any] | None = None  # arguments of rdpi_gym.simulate
+    folder: str = ""  # of measured records
+    settings: Mapping[str, Any] = field(default_factory=dict)  # beside their own dataset.toml
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the list: without what is hidden."""
@@ -85,11 +70,12 @@ _MEASURED = (
 
 
 def examples() -> list[Example]:
-    """Return what can be begun with here; measured records where ``RDPI_DATA`` names their folder."""
-    return [*_EXERCISES, *(e for e in _MEASURED if (folder := folder_of(e)) and folder.is_dir())]
+    """Return the exercises, and the measured records that are here."""
+    return [*_EXERCISES, *(example for example in _MEASURED if folder_of(example))]
 
 
 def folder_of(example: Example) -> Path | None:
-    """Return the folder of measured records; None where nobody has said where they are."""
-    root = os.environ.get("RDPI_DATA")
-    return Path(root) / example.folder if root and example.folder else None
+    """Return the folder of measured records; None where they are not here."""
+    if example.key == "picma":
+        return example_folder(example.folder)
+    return measured_data(example.folder) if example.folder else None

@@ -191,7 +191,7 @@ class Plant:
         self._fused = type(hysteresis[0]).fused
         self._state = empty_state(self.n, self.lanes)
         self._count = 0
-        self._rest: tuple[Any, Array] | None = None  # a command and the state that it leaves
+        self._rest: tuple[float, Array] | None = None  # a command and the state that it leaves
         self._remembers = any(model.turns_from(0.0) for model in self.models)
         # lanes whose memory is set as the first sample comes
         self._awaits = np.zeros(self.lanes, dtype=np.bool_)
@@ -234,9 +234,10 @@ class Plant:
             Boolean mask ``(B,)`` of the lanes to reset; all by default.
         """
         mask: Any = slice(None) if lanes is None else np.asarray(lanes, dtype=bool)
-        if memory is None and np.isscalar(u0_V):  # an episode's: the same at every reset
-            if self._rest is None or self._rest[0] != u0_V:
-                self._rest = u0_V, self._begun(u0_V, None)
+        rest_V: Any = u0_V
+        if memory is None and isinstance(rest_V, float):  # an episode's: the same at every reset
+            if self._rest is None or self._rest[0] != rest_V:
+                self._rest = rest_V, self._begun(rest_V, None)
             begun = self._rest[1]
         else:
             begun = self._begun(u0_V, memory)

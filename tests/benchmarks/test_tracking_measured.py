@@ -3,7 +3,7 @@ import pytest
 
 from benchmarks.tracking import measured
 from benchmarks.tracking.measured import COLUMNS, local_gain, score_measured, score_records
-from rdpi_gym.measurement import Dataset, Record, measured_data
+from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import RDPI, Plant, PlantModel, named_plant
 
 STACK = PlantModel(
@@ -77,26 +77,6 @@ def test_a_failing_controller_leaves_a_row_that_says_so(monkeypatch):
     assert table["rms_V"].isna().all()
 
 
-def test_where_the_data_are_absent_one_line_says_where_they_come_from(monkeypatch, tmp_path):
-    monkeypatch.setenv("RDPI_DATA", str(tmp_path))
-    scores = score_measured(["none"], STACK)
-    assert scores.table.empty
-    assert "yan9a/DiscreteBacklashOperator" in scores.note
-    assert "\n" not in scores.note
-
-
-def test_data_that_cannot_be_read_are_said_so(monkeypatch, tmp_path):
-    (tmp_path / "picma").mkdir()
-    (tmp_path / "picma" / "run.csv").write_text("t,u\n0,1\n")
-    monkeypatch.setenv("RDPI_DATA", str(tmp_path))
-    scores = score_measured(["none"], STACK)
-    assert scores.table.empty
-    assert "run.csv" in scores.note
-
-
-@pytest.mark.skipif(
-    measured_data("picma") is None, reason="picma/ is missing; see rdpi_gym.measurement.DATA_HINT"
-)
 def test_on_the_measured_stack_compensation_is_far_nearer_to_the_applied_voltage_than_none():
     table = score_measured(["none", "classical-reference-rate"], named_plant("picma")).table
     volts = table.pivot(index="record", columns="controller", values="rms_V")
