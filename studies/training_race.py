@@ -42,10 +42,11 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.words import number
-from studies.agents.tasks import read_rankings
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "training_race"
+TABLE = RESULTS.parent / "stages" / "tasks.csv"
+"""The ranking of every task, as ``rdpi bench --full`` leaves it."""
 RUNS = Path("results/training-race")
 TASK, GOAL_S = "Stage", 60.0
 ADAPTIVE = ("adaptive-", "hybrid", LEARNED, GUARDED)
@@ -128,6 +129,14 @@ ENTRANTS: Mapping[str, Callable[[Path, int], Path]] = {
     "imitation, 12 rounds": partial(imitation, 12),
 }
 """Trainings, each ``train(out, seed)``."""
+
+
+def read_rankings(path: Path = TABLE) -> pd.DataFrame:
+    """Return the rivals of every task, by rank: those that see the preview alone, without the bound."""
+    if not path.exists():
+        raise InputError(f"{path} is missing; run rdpi bench --full")
+    table = pd.read_csv(path)
+    return table[(table["sees"] == "preview") & (table["rank"] != "bound")]
 
 
 def best_fixed(rankings: pd.DataFrame) -> dict[str, Any]:

@@ -15,9 +15,10 @@ from baselines.learned.policy import Network, Policy, policy_folder
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from studies.agents import curves, shipping
+from studies.agents import shipping
+from studies.agents import tables as curves
 from studies.agents.__main__ import OUT, POLICIES, main
-from studies.agents.curves import learning_picture
+from studies.agents.tables import learning_picture
 from studies.agents.training import QUICK, Agent, Training, all_trainings
 
 STEPS = (0, 100, 200)
@@ -61,7 +62,7 @@ def test_the_stage_writes_curves_costs_and_a_picture(tmp_path, capsys):
     assert main(asked) == 0
     assert "curves.md" in capsys.readouterr().out
     table = pd.read_csv(out / "curves.csv")
-    assert tuple(table.columns) == curves.COLUMNS
+    assert tuple(table.columns) == curves.CURVE_COLUMNS
     source = pd.read_csv(one.folder / "training.csv")
     own = table[table["agent"] == one.agent.name]
     assert own["rmse_um"].tolist() == pytest.approx(source["rmse_um"].tolist(), rel=1e-5)
@@ -115,8 +116,10 @@ def test_the_text_says_how_many_plants_are_evaluated():
     pytest.importorskip("stable_baselines3")
     from baselines.learned import environments, folder
 
-    assert f"{environments.LANES} held-out plants" in curves.METHOD
-    assert set(curves.COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {"training_reward"}
+    assert f"{environments.LANES} held-out plants" in curves.CURVE_METHOD
+    assert set(curves.CURVE_COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {
+        "training_reward"
+    }
 
 
 def test_the_median_is_shipped_and_not_the_best():
