@@ -1,4 +1,4 @@
-"""How far trainings get in a minute on Stage, beside the best compensator there that is fixed.
+"""Trainings of a minute on Stage, beside the best compensator there that is fixed.
 
     python -m studies.training_race --seeds 5
 
@@ -50,7 +50,7 @@ TABLE = RESULTS.parent / "stages" / "tasks.csv"
 RUNS = Path("results/training-race")
 TASK, GOAL_S = "Stage", 60.0
 ADAPTIVE = ("adaptive-", "hybrid", LEARNED, GUARDED)
-"""What the names of controllers that adapt or were learned begin with."""
+"""Beginnings of the names of controllers that adapt or were learned."""
 _FORMAT, _VERSION = "training-race", 1
 
 

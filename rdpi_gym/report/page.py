@@ -173,7 +173,7 @@ SCRIPT = """
 
 
 VOLTS_AND_MICROMETRES = Quantities()
-"""Of a page that states no other."""
+"""Quantities of a page that states no other."""
 
 # The browser is told to fetch nothing, whatever a figure may ask for.
 _POLICY = (

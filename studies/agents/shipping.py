@@ -18,7 +18,7 @@ from studies.agents.tables import interquartile_mean
 from studies.agents.training import Training
 
 LIMIT_BYTES = 2**20
-"""Of all shipped policies together."""
+"""Most bytes of all shipped policies together."""
 
 
 def seed_scores(scores: pd.DataFrame) -> pd.DataFrame:

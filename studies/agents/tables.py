@@ -30,10 +30,8 @@ _RIVALS = ("feedforward", "feedback")  # what is causal and was not trained
 class Estimate:
     """An interquartile mean and the same of every resample."""
 
-    value: float
-    # Of the scores.
-    draws: Array
-    # Of the resamples, ``(R,)``.
+    value: float  # of the scores
+    draws: Array  # of the resamples, ``(R,)``
 
     def over(self, other: Estimate) -> Estimate:
         """Return the ratio to another one, resample by resample."""
@@ -270,7 +268,7 @@ CURVE_COLUMNS = (
     "agent", "seed", "timesteps", "seconds", "rmse_um", "rmse_percent", "command_variation_V_s",
     "reward", "compensator_rmse_um", "compensator_rmse_percent", "compensator_command_variation_V_s",
 )  # fmt: skip
-"""Of a table of curves: a row is one evaluation of a training, on the held-out plants of
+"""Columns of a table of curves: a row is one evaluation of a training, on the held-out plants of
 :mod:`baselines.learned.environments`, which are not those of the scores."""
 PICTURE = "learning-curves.png"
 

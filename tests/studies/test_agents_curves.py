@@ -74,22 +74,16 @@ def test_the_stage_writes_curves_costs_and_a_picture(tmp_path, capsys):
     assert (out / curves.PICTURE).stat().st_size < 100_000
 
 
-def test_without_a_training_there_is_no_curve(tmp_path, capsys):
-    asked = ["--quick", "--stage", "curves", "--runs", str(tmp_path), "--out", str(tmp_path)]
-    assert main(asked) == 2
-    assert "holds no finished training" in capsys.readouterr().err
-    policy_alone = trained(Training(SEEDS, SEEDS.agents[0], 0, tmp_path))
-    (policy_alone.folder / "training.csv").unlink()
-    with pytest.raises(InputError, match="no training has a curve"):
-        curves.learning_curves([policy_alone])
-
-
-def test_a_damaged_curve_is_named(tmp_path):
+def test_curves_that_are_missing_or_damaged_are_named(tmp_path):
     one = trained(Training(SEEDS, SEEDS.agents[0], 0, tmp_path))
+    curve = one.folder / "training.csv"
     for text in ("", "timesteps,seconds\n0,1\n"):
-        (one.folder / "training.csv").write_text(text)
+        curve.write_text(text)
         with pytest.raises(InputError, match=r"training\.csv is no learning curve"):
             curves.learning_curves([one])
+    curve.unlink()
+    with pytest.raises(InputError, match="no training has a curve"):
+        curves.learning_curves([one])
 
 
 def test_a_band_reaches_over_all_trainings_its_line_and_the_costs_are_medians(tmp_path):
