@@ -316,9 +316,9 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     """Train for some rollouts after a first one, which loads the kernels."""
     from stable_baselines3 import PPO
 
-    from baselines.learned.folder import Run
-    from baselines.learned.native.learner import NativeLearner
-    from baselines.learned.native.update import NativePPO
+    from baselines.learned.native_learner import NativeLearner
+    from baselines.learned.native_ppo import NativePPO
+    from baselines.learned.options import Run
     from baselines.learned.stable_baselines import StableBaselinesLearner
     from baselines.learned.training import Options as Training
 

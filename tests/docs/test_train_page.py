@@ -257,7 +257,7 @@ def test_evaluations_are_as_many_as_the_prose_says():
     from stable_baselines3 import PPO
 
     from baselines.learned import environments
-    from baselines.learned.folder import Run
+    from baselines.learned.options import Run
 
     assert f"evaluated on {environments.LANES} plants" in TRAIN
     run = Run.open(TrainingOptions(Path("unused"), timesteps=STEPS), "ppo", PPO)

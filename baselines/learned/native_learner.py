@@ -12,17 +12,19 @@ from torch import Tensor, nn
 
 from baselines.learned.checkpoint import CheckpointContent, TrainingHooks
 from baselines.learned.environments import lanes_of_each
-from baselines.learned.folder import Run
-from baselines.learned.native.networks import ACTOR, CRITIC, ActorCritic, Workspace
-from baselines.learned.native.update import (
+from baselines.learned.native_ppo import (
+    ACTOR,
+    CRITIC,
     LOG_SQRT_2_PI,
+    ActorCritic,
     Batch,
     NativePPO,
     Updater,
+    Workspace,
     at,
     estimate_advantages,
 )
-from baselines.learned.options import PHASES, DivergedError, TrainingOptions
+from baselines.learned.options import PHASES, DivergedError, Run, TrainingOptions
 from baselines.learned.settings import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
@@ -38,26 +40,7 @@ from rdpi_gym.support.errors import InputError
 class Lanes:
     """Lanes of plants whose episodes begin anew by themselves, not all at once.
 
-    Parameters
-    ----------
-    options, settings
-        Of the training.
-    lanes
-        Number of lanes B.
-    parts
-        Into how many parts the plants are divided, each run by a thread; as many as plants at most.
-
-    Attributes
-    ----------
-    parts : tuple of Part
-        They share the lanes, one after the other.
-    scaling
-        From observations with their history to rows.
-
-    Raises
-    ------
-    InputError
-        Fewer lanes than plants, plants of other sizes, or keywords that make no environment.
+    The plants are divided into parts, each run by a thread: as many as plants at most.
     """
 
     def __init__(
@@ -100,26 +83,7 @@ class Lanes:
 
 
 class Part:
-    """Some groups of lanes, one after the other, that one thread steps.
-
-    Parameters
-    ----------
-    scaling
-        As of :class:`Lanes`.
-    tasks, widths
-        The groups, and their numbers of lanes.
-    first
-        Number of the first lane.
-    episode
-        Samples of an episode.
-
-    Attributes
-    ----------
-    first, end
-        Its lanes are ``first`` to ``end - 1``.
-    steps
-        Since all lanes began.
-    """
+    """Groups of lanes, ``first`` to ``end - 1``, that one thread steps; `steps` count since all began."""
 
     def __init__(
         self,
@@ -217,31 +181,11 @@ def _first_rows(scaling: Scaling, observation: Any) -> Floats32:
 
 _LEAST_SCALE = 1e-6
 _TOLERANCE, _LEAST_SHARE = 1.5, 1e-3
-
-
 _ROWS = 1024  # of a pass of the critic over a rollout
 
 
 class NativeLearner:
-    """PPO in lanes of plants, without a wrapper or autograd between environment and network.
-
-    Parameters
-    ----------
-    run
-        The training.
-
-    Attributes
-    ----------
-    both
-        Actor and critic.
-    timesteps, updates
-        Steps of all lanes together, and steps of the optimiser, so far.
-
-    Raises
-    ------
-    InputError
-        Hyper-parameters or options that nothing can be trained with.
-    """
+    """PPO in lanes of plants, without a wrapper or autograd between environment and network."""
 
     kind = "NativePPO"
 
@@ -357,11 +301,12 @@ class NativeLearner:
                 for _ in range(self._ppo.n_epochs)
             ]
             rate = self._share * at(self._ppo.learning_rate, left)
-            losses = self._updater.update(batch, self._ppo.law(left), rate, orders)
-            self._adapt(losses.divergence)
+            clip = at(self._ppo.clip_range, left)
+            divergence, steps = self._updater.update(batch, self._ppo, rate, clip, orders)
+            self._adapt(divergence)
             between.rewarded(float(rewards.mean()))
             self.timesteps += len(batch.rows)
-            self.updates += losses.steps
+            self.updates += steps
             if not bool(torch.isfinite(self.both.parameters).all()):
                 raise DivergedError(
                     f"the training diverged after {self.timesteps} steps: a weight is not finite; "
@@ -373,7 +318,7 @@ class NativeLearner:
         """Return the networks, the optimiser, and the moments of returns."""
         return {
             "parameters": self.both.parameters,
-            "optimiser": self._updater.state(),
+            "optimiser": self._updater.adam.state_dict(),
             "moments": self._moments,
             "share": torch.tensor(self._share, dtype=torch.float64),
         }
@@ -385,7 +330,7 @@ class NativeLearner:
     def restore(self, kept: CheckpointContent) -> None:
         """Go on from what a checkpoint holds."""
         self.both.parameters.copy_(kept.tensors["parameters"])
-        self._updater.restore(kept.tensors["optimiser"])
+        self._updater.adam.load_state_dict(dict(kept.tensors["optimiser"]))
         self._moments.copy_(kept.tensors["moments"])
         self._share = float(kept.tensors["share"])
         self.timesteps, self.updates = kept.timesteps, kept.updates
