@@ -16,8 +16,7 @@ from typing import Any
 
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
-from studies.chromium import LabPage, LabProcess, chromium
-from studies.png import screen_png
+from studies.chromium import LabPage, LabProcess, chromium, screen_png
 
 OUT = Path(__file__).parents[1] / "docs" / "lab"
 EXERCISE, RECORD, MEASURED = "loops-open", "sine-50hz", "picma"

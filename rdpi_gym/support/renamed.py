@@ -15,7 +15,10 @@ from types import ModuleType
 
 # One line a module: its former name, and the name it has now.
 _TABLE = """
+baselines.adaptive_dual_loop baselines.damping
 baselines.believed baselines.core_inverse
+baselines.h_infinity baselines.linear_designs
+baselines.horizon baselines.model_predictive
 baselines.inverses.catalogue baselines.inverses.base
 baselines.inverses.lags baselines.inverses.linear
 baselines.inverses.turns baselines.inverses.base
@@ -23,9 +26,13 @@ baselines.learned.guard baselines.learned.controller
 baselines.learned.network baselines.learned.policy
 baselines.learned.seen baselines.learned.envelope
 baselines.limits baselines.lanes
+baselines.lqg baselines.linear_designs
 baselines.memory baselines.lanes
+baselines.pi_preview baselines.linear_designs
 baselines.products baselines.lanes
+baselines.smith_predictor baselines.linear_designs
 baselines.stability baselines.feedforward
+baselines.static_gain baselines.feedforward
 rdpi_gym.envs.correction rdpi_gym.envs.controller
 rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.changing
 rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment
@@ -36,8 +43,10 @@ rdpi_gym.plant.cores.asymmetric_bouc_wen rdpi_gym.plant.cores.bouc_wen
 rdpi_gym.plant.cores.checks rdpi_gym.plant.cores.families
 rdpi_gym.plant.cores.inner_variable rdpi_gym.plant.cores.families
 rdpi_gym.plant.cores.thresholds rdpi_gym.plant.cores.families
+rdpi_gym.plant.effects.catalogue rdpi_gym.plant.effects
 rdpi_gym.plant.effects.unknown_drives rdpi_gym.plant.effects.unknown
-rdpi_gym.plant.effects.unknown_kernel rdpi_gym.plant.effects.unknown_places
+rdpi_gym.plant.effects.unknown_kernel rdpi_gym.plant.effects.unknown
+rdpi_gym.plant.effects.unknown_places rdpi_gym.plant.effects.unknown
 rdpi_gym.plant.instruments rdpi_gym.plant.model
 rdpi_gym.plant.named rdpi_gym.plant.model
 rdpi_gym.plant.packing rdpi_gym.plant.cores.base
@@ -45,6 +54,8 @@ rdpi_gym.plant.stages rdpi_gym.plant.plant
 rdpi_gym.signals.checks rdpi_gym.signals.base
 rdpi_gym.signals.loops rdpi_gym.signals.periodic
 rdpi_gym.signals.processes rdpi_gym.signals.broadband
+rdpi_gym.signals.raster rdpi_gym.signals.periodic
+rdpi_gym.signals.registry rdpi_gym.signals
 rdpi_gym.signals.sweeps rdpi_gym.signals.broadband
 """
 
