@@ -77,13 +77,13 @@ class Training:
 
     def picture(self) -> bytes:
         """Return error, cost, command variation and time over the steps as a PNG file."""
-        from rdpi_gym.report.training import training_picture
+        from rdpi_gym.report.result_pages import training_picture
 
         return training_picture(self.to_dataframe(), self.compensator, self.kept_at)
 
     def page(self, path: PathLike[str] | str) -> Path:
         """Write the same as a self-contained page, with every evaluation."""
-        from rdpi_gym.report.training import write_training_page
+        from rdpi_gym.report.result_pages import write_training_page
 
         said = repr(self).replace(" um", " µm")
         return write_training_page(
@@ -98,7 +98,7 @@ class Training:
         -------
         matplotlib.axes.Axes
         """
-        from rdpi_gym.report.training import training_chart
+        from rdpi_gym.report.result_pages import training_chart
 
         return draw(training_chart(self.to_dataframe(), self.compensator), (6.0, 3.6))
 
