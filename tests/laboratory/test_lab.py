@@ -10,9 +10,9 @@ import rdpi_gym as rg
 from rdpi_gym.laboratory import jobs
 from rdpi_gym.laboratory.lab import Lab
 from rdpi_gym.laboratory.session_jobs import Events
+from tests.laboratory.served import BASE, refit, result
 
 CREEP, DELAY = rg.effects["creep"](), rg.effects["delay"]()
-BASE = replace(rg.plants["P5"], effects=())
 
 
 class Played:
@@ -32,24 +32,6 @@ class Played:
 
     def close(self):
         pass
-
-
-def refit(plant, um, effect="", form=""):
-    found = {"effect": effect, "form": form, "plant": plant.to_dict(), "by_record_um": {}}
-    numbers = {"parameters": {}, "standard_errors": {}, "at_bound": [], "remark": ""}
-    return {**found, "train_um": um, "validation_um": um, **numbers}
-
-
-def result(chosen=(), **changes):
-    left = {"remainder": "", "portrait_lines": [], "next_experiment": None, "noise_floor": 0.01}
-    return {
-        "candidates": [],
-        "chosen": list(chosen),
-        "headline": "",
-        "lines": [],
-        **left,
-        **changes,
-    }
 
 
 async def told(lab, *message):

@@ -2,31 +2,15 @@
 
 import math
 import re
-import shutil
 
 import pytest
 
 from rdpi_gym.laboratory.server import PAGE
 from rdpi_gym.report import style
+from studies.chromium import LabPage
 from tests.laboratory.fake import Laboratory, candidate, empty_state
 
-sync_api = pytest.importorskip(
-    "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
-)
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
-if CHROMIUM is None:
-    pytest.skip(
-        "no Chromium is installed (Debian: apt-get install chromium)", allow_module_level=True
-    )
 _WAIT_MS, _STEP_MS = 30_000, 20
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")
@@ -34,16 +18,12 @@ def opened(browser):
     """One page for all tests: what its console said and what it asked others for."""
     lab = Laboratory(samples=4000)
     lab.start()
-    page = browser.new_page(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
-    page.set_default_timeout(_WAIT_MS)
-    page.said, page.asked = [], []
-    page.on("console", lambda message: page.said.append(message.text))
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    own = lab.place.address.partition("#")[0]
-    page.on("request", lambda r: None if r.url.startswith(own) else page.asked.append(r.url))
-    page.goto(lab.place.address)
-    yield lab, page
-    page.close()
+    with LabPage(browser) as shown:
+        page = shown.tab
+        page.set_default_timeout(_WAIT_MS)
+        page.said, page.asked = shown.said, shown.asked
+        page.goto(lab.place.address)
+        yield lab, page
     if lab.running:
         lab.stop()
 
