@@ -129,7 +129,7 @@ class FitResult(DisplayMixin, identification.FitResult):
         )
 
     def _chart(self) -> Chart:
-        from rdpi_gym.report.fit import fit_chart
+        from rdpi_gym.report.result_pages import fit_chart
 
         return fit_chart(self)
 
@@ -141,7 +141,7 @@ class FitResult(DisplayMixin, identification.FitResult):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.fit import write_fit_page
+        from rdpi_gym.report.result_pages import write_fit_page
 
         return write_fit_page(path, self, self._lines(), self.to_dataframe())
 
@@ -283,7 +283,7 @@ class CoreFit(DisplayMixin, cores.CoreFit):
 
     def _chart(self) -> Chart:
         from rdpi_gym.report.chart import Chart
-        from rdpi_gym.report.fit import errors_panel
+        from rdpi_gym.report.result_pages import errors_panel
 
         return Chart([errors_panel(self.rmse_um)])
 
@@ -442,7 +442,7 @@ class KindChoice(DisplayMixin, kinds.KindChoice):
 
     def _chart(self) -> Chart:
         from rdpi_gym.report.chart import Chart
-        from rdpi_gym.report.fit import errors_panel
+        from rdpi_gym.report.result_pages import errors_panel
 
         errors_um = {fit.plant.hysteresis.name: fit.validation_rmse_um or 0.0 for fit in self.fits}
         return Chart([errors_panel(errors_um, "RMS error, held out ({output_unit})")])

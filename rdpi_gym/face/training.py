@@ -76,13 +76,13 @@ class Training:
 
     def picture(self) -> bytes:
         """Return error, cost, command variation and time over the steps as a PNG file."""
-        from rdpi_gym.report.training import training_picture
+        from rdpi_gym.report.result_pages import training_picture
 
         return training_picture(self.to_dataframe(), self.compensator, self.kept_at)
 
     def page(self, path: PathLike[str] | str) -> Path:
         """Write the same as a self-contained page, with every evaluation."""
-        from rdpi_gym.report.training import write_training_page
+        from rdpi_gym.report.result_pages import write_training_page
 
         said = repr(self).replace(" um", " µm")
         return write_training_page(
@@ -100,8 +100,8 @@ class Training:
         import matplotlib.pyplot as plt
 
         from rdpi_gym.report.chart_matplotlib import draw_chart
+        from rdpi_gym.report.result_pages import training_chart
         from rdpi_gym.report.style import matplotlib_style
-        from rdpi_gym.report.training import training_chart
 
         style: Any = matplotlib_style()
         chart = training_chart(self.to_dataframe(), self.compensator)
