@@ -195,17 +195,7 @@ def as_dataset(data: measurement.Dataset | PathLike[str] | str) -> Dataset:
 
 @contextmanager
 def in_words_of(data: measurement.Dataset) -> Iterator[None]:
-    """Turn the line of an error into the quantities of a data set.
-
-    Parameters
-    ----------
-    data
-        The data set.
-
-    Raises
-    ------
-    InputError
-        What is raised within.
+    """Turn the line of an error that is raised within into the quantities of a data set.
 
     Examples
     --------
