@@ -80,7 +80,7 @@ def harness(body):
         memory=fields(memory, lambda part: part.rest) or "int32_t none;",
         numbers=starts(body.tables, lambda table: table.values),
         rest=starts(memory, lambda part: part.rest) or "0",
-        begin=" ".join(f"m.{part.name}[0] = row[0];" for part in memory if part.from_reference),
+        begin=" ".join(f"m.{part.name}[0] = row[0];" for part in memory if part.by_reference.any()),
         functions=body.functions, step=body.step, low=body.low, high=body.high, first=body.rest,
     )  # fmt: skip
 
