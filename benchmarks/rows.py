@@ -9,7 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
+import pandas as pd
+
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, RowStore, check_row, named_rows
@@ -196,3 +199,14 @@ def stored_rows(cases: Sequence[Keyed], out: Path) -> list[Row]:
     if not rows:
         raise InputError(f"{out / ROWS_FILE} has no row of these cases; run them without --tables")
     return rows
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> Path:
+    """Write a table with six significant digits."""
+    text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    return write_atomic(path, text)
+
+
+def paragraphs(parts: Sequence[str]) -> str:
+    """Join the parts of a Markdown page that are not empty."""
+    return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"

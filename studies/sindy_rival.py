@@ -25,7 +25,7 @@ import pandas as pd
 from benchmarks.effect_discovery.__main__ import part_of
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.foreign import FOREIGN, NUMBERS, make_cases, prepare
-from benchmarks.effect_discovery.scoring import judge
+from benchmarks.effect_discovery.report import judge
 from benchmarks.rows import ROWS_FILE
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.ranking import in_blocks

@@ -7,8 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from benchmarks.paper.readings import READINGS, Reading
-from benchmarks.paper.tracking import Sine
+from benchmarks.paper.tracking import READINGS, Reading, Sine
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B
 
 TS_S = (1e-3, 1e-4, 1e-6)

@@ -9,9 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.paper.cases import BOUND_UM, SECTION_V, Claim
-from benchmarks.paper.stability import Limit
+from benchmarks.paper.stability import Limit, StaticRun
 from benchmarks.paper.tracking import Trace, Tracking
-from benchmarks.paper.variants import StaticRun
 from rdpi_gym.plant import PAPER_SENSOR
 from rdpi_gym.support.words import number
 

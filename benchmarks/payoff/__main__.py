@@ -9,16 +9,17 @@ from functools import partial
 from pathlib import Path
 
 import benchmarks.payoff
-from benchmarks.payoff.beliefs import (
+from benchmarks.payoff.report import payoff_picture, payoff_summary, payoff_text
+from benchmarks.payoff.scores import (
     FOLDER,
     HIDDEN_PLANTS,
+    ROWS_FILE,
     HiddenPlant,
     make_beliefs,
+    payoff_table,
     stored_beliefs,
 )
-from benchmarks.payoff.charts import payoff_picture
-from benchmarks.payoff.scores import ROWS_FILE, payoff_table
-from benchmarks.payoff.tables import payoff_summary, payoff_text
+from benchmarks.rows import write_csv
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
@@ -59,9 +60,7 @@ def _compute(
             show("discovering", len(found), len(HIDDEN_PLANTS))
         beliefs = {hidden: found[hidden] for hidden in HIDDEN_PLANTS}
         table = payoff_table(beliefs, out, seed, jobs, show)
-    write_atomic(
-        out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    )
+    write_csv(out / "payoff.csv", table)
     write_atomic(out / "payoff.png", payoff_picture(payoff_summary(table)))
     print(f"table: {write_atomic(out / 'payoff.md', payoff_text(table))}")
     (out / ROWS_FILE).unlink(missing_ok=True)  # the table holds them

@@ -16,11 +16,9 @@ import numpy as np
 
 from baselines import policy_of
 from benchmarks.rows import TASKS, TaskKey
-from benchmarks.stages.run import TestSeed, run_tasks
-from benchmarks.stages.tables import TaskScores
-from benchmarks.stages.unit import SUITE_VERSION
-from benchmarks.tracking.controllers import is_learned
-from benchmarks.tracking.fingerprint import code_fingerprint
+from benchmarks.stages.ranking import TaskScores
+from benchmarks.stages.run import SUITE_VERSION, TestSeed, run_tasks
+from benchmarks.tracking.controllers import code_fingerprint, is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError

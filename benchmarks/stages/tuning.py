@@ -21,7 +21,7 @@ from baselines.tuning import (
     write_tunings,
 )
 from benchmarks.stages.ranking import interquartile_mean, ninetieth
-from benchmarks.stages.unit import WORST_PERCENT, plant_scores
+from benchmarks.stages.run import WORST_PERCENT, plant_scores
 from benchmarks.tracking.episode import play
 from rdpi_gym.envs.controller import Controller, certificate_of, warning_of
 from rdpi_gym.envs.layout import ObservationLayout

@@ -21,10 +21,16 @@ from baselines import (
 )
 from benchmarks.rows import TRACKING, TrackingKey, complete
 from benchmarks.tracking.case import Case
-from benchmarks.tracking.controllers import Made
-from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
-from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import ERROR, one_line, score_lane, words
+from benchmarks.tracking.controllers import Made, code_fingerprint, task_fingerprint
+from benchmarks.tracking.episode import (
+    ERROR,
+    Recording,
+    microseconds_per_sample,
+    one_line,
+    record,
+    score_lane,
+    words,
+)
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
 from rdpi_gym.envs import ObservationLayout

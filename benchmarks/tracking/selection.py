@@ -29,7 +29,7 @@ from benchmarks.tracking.controllers import (
     shipped_policies,
     trained_at_s,
 )
-from benchmarks.tracking.scoring import one_line
+from benchmarks.tracking.episode import one_line
 from benchmarks.tracking.stages import REFERENCES, SEEDS, Stage, make_stage
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant

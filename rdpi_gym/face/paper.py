@@ -59,7 +59,7 @@ class PaperResults(DisplayMixin, paper.PaperResults):
         return table[table["case"] == SWEEP_LABEL].dropna(axis="columns", how="all")
 
     def _chart(self) -> Chart:
-        from benchmarks.paper.page import sweep_chart
+        from benchmarks.paper.figures import sweep_chart
 
         return sweep_chart(self)
 
@@ -71,7 +71,7 @@ class PaperResults(DisplayMixin, paper.PaperResults):
         InputError
             The file cannot be written.
         """
-        from benchmarks.paper.page import write_paper_page
+        from benchmarks.paper.figures import write_paper_page
 
         return write_paper_page(path, self, self._lines(), self.to_dataframe())
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from baselines import Controller
 from benchmarks.stages import submission
+from benchmarks.stages.ranking import TaskScores
 from benchmarks.stages.run import field, read_seed, run_tasks
-from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.checks import checked

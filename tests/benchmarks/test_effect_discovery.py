@@ -30,19 +30,21 @@ from benchmarks.effect_discovery.protocols import (
     held,
     smooth,
 )
-from benchmarks.effect_discovery.sampled import (
-    KINDS,
-    degrade,
-    through_files,
-    true_residual,
-)
-from benchmarks.effect_discovery.scoring import judge, judge_statements, judgements
-from benchmarks.effect_discovery.summary import (
+from benchmarks.effect_discovery.report import (
     REPORTS,
     agreement,
     by_subject,
     foreign_targets,
     independent_targets,
+    judge,
+    judge_statements,
+    judgements,
+)
+from benchmarks.effect_discovery.sampled import (
+    KINDS,
+    degrade,
+    through_files,
+    true_residual,
 )
 from benchmarks.rows import run_rows
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, View, steps_of

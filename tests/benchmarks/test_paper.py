@@ -18,16 +18,17 @@ from benchmarks.paper.cases import (
     paper_cases,
     section_iii,
 )
-from benchmarks.paper.readings import READINGS
 from benchmarks.paper.stability import (
+    StaticRun,
     divergence,
+    identified_g,
     predicted_loop,
     sliding_loop,
     stability_limit,
+    static_plant,
     zero_rad_s,
 )
-from benchmarks.paper.tracking import Sine, Tracking, track
-from benchmarks.paper.variants import StaticRun, identified_g, static_plant
+from benchmarks.paper.tracking import READINGS, Sine, Tracking, track
 from benchmarks.paper.verdicts import (
     falls,
     judge_bound,

@@ -11,18 +11,24 @@ import pandas as pd
 import pytest
 
 from benchmarks.payoff import __main__ as command
-from benchmarks.payoff import beliefs, scores
-from benchmarks.payoff.beliefs import (
+from benchmarks.payoff import scores
+from benchmarks.payoff.report import (
+    payoff_part,
+    payoff_picture,
+    payoff_section,
+    payoff_summary,
+    payoff_text,
+    summary_view,
+)
+from benchmarks.payoff.scores import (
     BELIEFS,
     HIDDEN_PLANTS,
     HiddenPlant,
     make_beliefs,
     stored_beliefs,
 )
-from benchmarks.payoff.charts import payoff_picture, payoff_section
-from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
 from benchmarks.tracking import selection
-from benchmarks.tracking.leaderboard import COLUMNS
+from benchmarks.tracking.evaluation import COLUMNS
 from rdpi_gym.cli import main
 from rdpi_gym.face import benchmarking
 from rdpi_gym.plant import P10
@@ -127,7 +133,7 @@ def test_tables_page_and_picture_say_what_diverged(small):
     for text in (payoff_text(table), payoff_part(table)):
         assert "| P10 with creep and sensor_lag | preview-inversion | diverged |" in text
     assert payoff_picture(summary).startswith(b"\x89PNG")
-    section = payoff_section(summary, summary_view(summary), "Method.")
+    section = payoff_section(table)
     notes = [
         mark.text
         for panel in section.figure.panels
@@ -168,14 +174,14 @@ def test_beliefs_are_made_once_and_anew_for_other_records(tmp_path, monkeypatch)
         assert len(dataset.records) == 16
         return {"fitted": base, "discovered": LAG.plant}
 
-    monkeypatch.setattr(beliefs, "_measured", measured)
-    monkeypatch.setattr(beliefs, "simulate_dataset", lambda truth: _Records(truth))
+    monkeypatch.setattr(scores, "_measured", measured)
+    monkeypatch.setattr(scores, "simulate_dataset", lambda truth: _Records(truth))
     found = make_beliefs(LAG, tmp_path)
     assert found["discovered"].effects == LAG.hidden
     assert make_beliefs(LAG, tmp_path) == found
     assert stored_beliefs(LAG, tmp_path) == found
     assert calls == [0]
-    monkeypatch.setattr(beliefs, "study_fingerprint", lambda: "changed")
+    monkeypatch.setattr(scores, "study_fingerprint", lambda: "changed")
     make_beliefs(LAG, tmp_path)
     make_beliefs(LAG, tmp_path, seed=3)
     assert calls == [0, 0, 3]

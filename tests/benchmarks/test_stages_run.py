@@ -12,8 +12,7 @@ from benchmarks.stages.ranking import (
     rank_correlation,
     ranking,
 )
-from benchmarks.stages.run import TestSeed, field, read_seed, run_tasks
-from benchmarks.stages.unit import WORST_PERCENT
+from benchmarks.stages.run import WORST_PERCENT, TestSeed, field, read_seed, run_tasks
 from benchmarks.tracking.episode import play
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.errors import InputError

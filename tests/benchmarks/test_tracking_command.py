@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from baselines import FULL_PREVIEW, needed_core
-from benchmarks.tracking.leaderboard import COLUMNS, ranking, score_table
+from benchmarks.tracking.evaluation import COLUMNS, ranking, score_table
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main

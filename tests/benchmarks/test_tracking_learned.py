@@ -12,8 +12,8 @@ import torch
 
 from baselines.learned.policy import SHIPPED, Network, Policy
 from benchmarks.tracking import controllers as learned
+from benchmarks.tracking.controllers import task_fingerprint
 from benchmarks.tracking.evaluation import evaluate
-from benchmarks.tracking.fingerprint import task_fingerprint
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main

@@ -19,7 +19,7 @@ ASK = """
 import sys
 from benchmarks.tracking import references
 references.__path__.append(sys.argv[1])
-from benchmarks.tracking.fingerprint import code_fingerprint
+from benchmarks.tracking.controllers import code_fingerprint
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
 from pathlib import Path

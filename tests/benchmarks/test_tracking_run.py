@@ -10,10 +10,9 @@ import pytest
 import baselines
 import rdpi_gym as rg
 from benchmarks.rows import TRACKING
-from benchmarks.tracking import fingerprint, run
-from benchmarks.tracking.evaluation import evaluate
-from benchmarks.tracking.leaderboard import COLUMNS
-from benchmarks.tracking.markdown import write_tables
+from benchmarks.tracking import controllers, run
+from benchmarks.tracking.evaluation import COLUMNS, evaluate
+from benchmarks.tracking.report import write_tables
 from benchmarks.tracking.run import row_keys
 from benchmarks.tracking.selection import select
 from rdpi_gym.plant import P5
@@ -158,13 +157,13 @@ def test_only_the_rows_of_a_changed_controller_are_set_aside(tmp_path, mine):
 def test_the_fingerprint_of_a_task_depends_on_the_plant():
     changed = P5.with_hysteresis(P5.hysteresis.static())
     name = "none"
-    assert fingerprint.task_fingerprint(name, P5) != fingerprint.task_fingerprint(name, changed)
-    assert fingerprint.task_fingerprint(name, P5) == fingerprint.task_fingerprint(name, P5)
+    assert controllers.task_fingerprint(name, P5) != controllers.task_fingerprint(name, changed)
+    assert controllers.task_fingerprint(name, P5) == controllers.task_fingerprint(name, P5)
 
 
 def code_of(controller, folder):
-    fingerprint.code_fingerprint.cache_clear()
-    return fingerprint.code_fingerprint(controller, folder)
+    controllers.code_fingerprint.cache_clear()
+    return controllers.code_fingerprint(controller, folder)
 
 
 def edit(path):
@@ -195,7 +194,7 @@ def test_the_fingerprint_of_code_depends_on_the_files_that_a_controller_uses(tmp
     assert "pi" not in changed()
     edit(folder / "pi.py")
     assert "pi" in changed()
-    fingerprint.code_fingerprint.cache_clear()
+    controllers.code_fingerprint.cache_clear()
 
 
 def test_the_files_that_a_controller_uses_are_those_that_its_modules_load():
@@ -204,7 +203,7 @@ def test_the_files_that_a_controller_uses_are_those_that_its_modules_load():
 import sys
 from pathlib import Path
 import baselines
-from benchmarks.tracking import fingerprint
+from benchmarks.tracking import controllers
 folder = Path(baselines.__file__).parent
 before = set(sys.modules)
 for name in ("model-predictive", "pi-preview", "h-infinity"):

@@ -12,9 +12,9 @@ from scipy import stats
 
 import studies
 from benchmarks.tracking.case import FEWEST_SAMPLES, Case
-from benchmarks.tracking.leaderboard import CASE, COLUMNS, interval, ranking, score_table
+from benchmarks.tracking.episode import one_line, score, status, words
+from benchmarks.tracking.evaluation import CASE, COLUMNS, interval, ranking, score_table
 from benchmarks.tracking.references.standard import SINE_HZ
-from benchmarks.tracking.scoring import one_line, score, status, words
 from benchmarks.tracking.stages import REFERENCES, SPREAD, cases, make_stage, truth
 from rdpi_gym.plant import P5, P10, RDPI, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects.creep import Creep

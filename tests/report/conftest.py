@@ -122,6 +122,7 @@ class MadeScores:
     measured: object
     notes: tuple
     order: list
+    answer: str = "Best: one."
     first_seed: int = 0
     shown_setting: tuple = ("P5", 1e-4)
 
@@ -191,6 +192,7 @@ def made_benchmark():
         measured = SimpleNamespace(
             table=pd.DataFrame({"controller": CONTROLLERS[:4], "rms_V": 0.1}),
             traces={"stairs": {"t_s": t, "applied": np.sin(t), **commands}},
+            note="Records: stairs.",
         )
         settings = {
             "rows": rows,
