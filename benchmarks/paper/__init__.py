@@ -1,6 +1,6 @@
 """The paper's figures and numbers, recomputed for each reading of its Eq. 6."""
 
-from benchmarks.paper.cases import paper_cases
+from benchmarks.paper.claims import paper_cases
 from benchmarks.paper.run import (
     COLUMNS,
     PaperResults,

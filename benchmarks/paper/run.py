@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
+import pandas as pd
 
-from benchmarks.paper.cases import (
+from benchmarks.paper.claims import (
     LOOP_SAMPLES,
     SECTION_V,
     SWEEP,
     Case,
     Claim,
+    judge,
+    judge_series,
     paper_cases,
     section_iii,
 )
@@ -22,7 +23,6 @@ from benchmarks.paper.stability import (
     Divergence,
     Implementation,
     Limit,
-    Side,
     StaticRun,
     divergence,
     identified_g,
@@ -32,7 +32,6 @@ from benchmarks.paper.stability import (
     zero_rad_s,
 )
 from benchmarks.paper.tracking import PERIODS, READINGS, Reading, Sine, Tracking, track
-from benchmarks.paper.verdicts import judge, judge_limit, judge_series, judge_static
 from rdpi_gym.plant import PAPER_CONVERTER, PAPER_III_B, PAPER_IV_B, PAPER_SENSOR, RDPI
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
@@ -43,8 +42,6 @@ SECTIONS = {"P5": "Section III-B", "P10": "Section IV-B"}
 DRAWN = ("literal", "given", "closed-form reference-rate/A")
 """Readings whose traces the figures show."""
 DIVERGENCE_TS_S = 1e-4
-
-"""Told what is next and the share of the work done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -100,40 +97,6 @@ class PaperResults:
         )
 
 
-class _Runs:
-    """Simulates each pair of reading and reference once and reports the share of work done."""
-
-    def __init__(
-        self,
-        wanted: Sequence[tuple[Reading, Sine]],
-        realisations: int,
-        seed: int,
-        progress: Progress | None,
-    ) -> None:
-        self._realisations, self._seed, self._progress = realisations, seed, progress
-        self._done: dict[tuple[Reading, Sine], Tracking] = {}
-        self._work = sum(self._cost(*pair) for pair in set(wanted))
-        self._spent = 0
-
-    def _lanes(self, reading: Reading) -> int:
-        return self._realisations if reading.runs_on_own_rate else 1
-
-    def _cost(self, reading: Reading, sine: Sine) -> int:
-        return PERIODS * sine.samples * self._lanes(reading)
-
-    def get(self, reading: Reading, sine: Sine, keep_trace: bool) -> Tracking:
-        pair = (reading, sine)
-        run = self._done.get(pair)
-        if run is None:
-            if self._progress:
-                what = f"{reading.name}, {sine.frequency_hz:g} Hz, Ts = {sine.ts_s:.1e} s"
-                self._progress(what, self._spent, self._work)
-            run = track(reading, sine, self._lanes(reading), self._seed, keep_trace)
-            self._done[pair] = run
-            self._spent += self._cost(*pair)
-        return run
-
-
 def _series(
     cases: Sequence[Case], runs: Sequence[Tracking], case: Case, frequencies: bool
 ) -> list[Tracking]:
@@ -163,13 +126,21 @@ def reproduce_paper(
             f"realisations is {realisations}; a spread needs 2 or more, 16 is the default"
         )
     chosen = tuple(paper_cases() if cases is None else cases)
-    swept = [(reading, sine) for reading in READINGS.values() for sine in sweep]
     pairs = [(case.reading, case.sine) for case in chosen]
-    runner = _Runs([*pairs, *swept], realisations, seed, progress)
-    runs = [
-        runner.get(reading, sine, reading.name in DRAWN or reading.name == "none")
-        for reading, sine in pairs
-    ]
+    swept = [(reading, sine) for reading in READINGS.values() for sine in sweep]
+    lanes = {r: realisations if r.runs_on_own_rate else 1 for r in READINGS.values()}
+    costs = {pair: PERIODS * pair[1].samples * lanes[pair[0]] for pair in [*pairs, *swept]}
+    drawn = {pair for pair in pairs if pair[0].name in ("none", *DRAWN)}
+    done: dict[tuple[Reading, Sine], Tracking] = {}
+    spent = 0
+    for (reading, sine), cost in costs.items():
+        if progress:
+            what = f"{reading.name}, {sine.frequency_hz:g} Hz, Ts = {sine.ts_s:.1e} s"
+            progress(what, spent, sum(costs.values()))
+        traced = (reading, sine) in drawn
+        done[reading, sine] = track(reading, sine, lanes[reading], seed, traced)
+        spent += cost
+    runs = [done[pair] for pair in pairs]
     verdicts = [
         judge(case.claim, _series(chosen, runs, case, case.claim is Claim.LOOP), run)
         for case, run in zip(chosen, runs, strict=True)
@@ -181,7 +152,7 @@ def reproduce_paper(
         chosen,
         tuple(verdicts),
         tuple(runs),
-        tuple(runner.get(reading, sine, keep_trace=False) for reading, sine in swept),
+        tuple(done[pair] for pair in swept),
         tuple(
             stability_limit(plant, model, reading)
             for reading in own_rate
@@ -197,112 +168,77 @@ def reproduce_paper(
     )
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row of paper.csv; its fields are the columns."""
-
-    case: str  # figure, section or number of the paper
-    reading: str = ""  # how the compensator was read; empty where none ran
-    # parameter set, P5 of Section III-B or P10 of Section IV-B; empty where there is none
-    plant: str = ""
-    # reference's frequency (Hz) and sampling time (s), where there are any
-    frequency_hz: float | None = None
-    ts_s: float | None = None
-    # over the last of three periods (µm), with the exact reference
-    max_error_um: float | None = None
-    rms_error_um: float | None = None
-    max_command_rate_V_s: float | None = None  # there (V/s)
+COLUMNS = (
+    # figure, section or number of the paper; how the compensator was read; parameter set
+    "case", "reading", "plant",
+    # reference's frequency (Hz) and sampling time (s)
+    "frequency_hz", "ts_s",
+    # errors (µm) and command rate (V/s) over the last of three periods, with the exact reference
+    "max_error_um", "rms_error_um", "max_command_rate_V_s",
     # the number in the paper's text, where it has one, and its unit
-    paper_value: float | None = None
-    unit: str = ""
-    verdict: str = ""  # whether the paper's claim holds in this row: at this sampling time
-    # whether it holds over all sampling times of the row's reading and frequency
-    series_verdict: str = ""
+    "paper_value", "unit",
+    # whether the claim holds at this sampling time, and over all of the reading and frequency
+    "verdict", "series_verdict",
+)  # fmt: skip
+_TEXTS = dict.fromkeys(("reading", "plant", "unit", "verdict", "series_verdict"), "")
 
 
-COLUMNS = tuple(field.name for field in fields(Row))
+def _table(rows: Iterable[dict[str, Any]]) -> pd.DataFrame:
+    return pd.DataFrame([_TEXTS | row for row in rows], columns=list(COLUMNS))
 
 
-def _tracked(
-    case: str,
-    run: Tracking,
-    verdict: str,
-    paper_value: float | None = None,
-    series_verdict: str = "",
-) -> Row:
-    return Row(
-        case,
-        run.reading.name,
-        run.sine.plant,
-        run.sine.frequency_hz,
-        run.sine.ts_s,
-        run.max_error,
-        run.rms_error,
-        run.max_rate,
-        paper_value,
-        "" if paper_value is None else "µm",
-        verdict,
-        series_verdict,
-    )
+def _tracked(case: str, run: Tracking, verdict: str) -> dict[str, Any]:
+    return {
+        "case": case, "reading": run.reading.name, "plant": run.sine.plant,
+        "frequency_hz": run.sine.frequency_hz, "ts_s": run.sine.ts_s, "max_error_um": run.max_error,
+        "rms_error_um": run.rms_error, "max_command_rate_V_s": run.max_rate, "verdict": verdict,
+    }  # fmt: skip
 
 
-def paper_rows(results: PaperResults) -> list[Row]:
-    """Return the rows of paper.csv."""
-    rows = [
-        _tracked(
-            case.label,
-            run,
-            verdict,
-            case.paper_value,
-            results.series_verdict(case.label, run.reading.name)
-            if case.claim is Claim.SMALLER_TS
-            else "",
-        )
-        for case, run, verdict in zip(results.cases, results.runs, results.verdicts, strict=True)
-    ]
-    for limit in results.limits:
-        sides: tuple[tuple[str, Side], ...] = (("above", limit.above), ("below", limit.below))
-        for (where, side), verdict in zip(sides, judge_limit(limit), strict=True):
-            rows.append(
-                Row(
-                    f"Section III-A, no condition: ramp, {where} the limit",
-                    limit.reading.name,
-                    limit.plant,
-                    ts_s=side.ts_s,
-                    max_error_um=side.max_error_um,
-                    rms_error_um=side.rms_error_um,
-                    max_command_rate_V_s=side.max_rate_V_s,
-                    verdict=verdict,
-                )
-            )
+def paper_rows(results: PaperResults) -> pd.DataFrame:
+    """Return the rows of paper.csv: one for every panel and number of the paper."""
+    rows: list[dict[str, Any]] = []
+    for case, run, verdict in zip(results.cases, results.runs, results.verdicts, strict=True):
+        row = _tracked(case.label, run, verdict)
+        if case.paper_value is not None:
+            row |= {"paper_value": case.paper_value, "unit": "µm"}
+        if case.claim is Claim.SMALLER_TS:
+            row["series_verdict"] = results.series_verdict(case.label, run.reading.name)
+        rows.append(row)
     rows += [
-        _tracked("Section III-A, no condition: no rate", x.run, judge_static(x))
+        {
+            "case": f"Section III-A, no condition: ramp, {where} the limit",
+            "reading": limit.reading.name, "plant": limit.plant, "ts_s": side.ts_s,
+            "max_error_um": side.max_error_um, "rms_error_um": side.rms_error_um,
+            "max_command_rate_V_s": side.max_rate_V_s, "verdict": limit.verdict(side),
+        }
+        for limit in results.limits
+        for where, side in limit.sides.items()
+    ]  # fmt: skip
+    rows += [
+        _tracked("Section III-A, no condition: no rate", x.run, x.verdict)
         for x in results.static_runs
     ]
     rows += [
-        Row(
-            "Section III-A, repeatability: reference changed by 1e-15",
-            x.reading.name,
-            "P5",
-            frequency_hz=50.0,
-            ts_s=DIVERGENCE_TS_S,
-            verdict=f"command moves by {x.largest_V:.2g} V",
-        )
+        {
+            "case": "Section III-A, repeatability: reference changed by 1e-15",
+            "reading": x.reading.name, "plant": "P5", "frequency_hz": 50.0,
+            "ts_s": DIVERGENCE_TS_S, "verdict": f"command moves by {x.largest_V:.2g} V",
+        }
         for x in results.divergences
-    ]
-    for plant, measured in results.zeros_rad_s.items():
-        predicted = PLANTS[plant].zero_rad_s
-        rows.append(
-            Row(
-                f"{SECTIONS[plant]}, right-half-plane zero",
-                plant=plant,
-                verdict=f"{measured:.0f} rad/s by simulation, A / (S δ2) = {predicted:.0f} rad/s",
-            )
-        )
-    return rows + _parameter_rows()
+    ]  # fmt: skip
+    rows += [
+        {
+            "case": f"{SECTIONS[plant]}, right-half-plane zero", "plant": plant,
+            "verdict": f"{measured:.0f} rad/s by simulation, "
+            f"A / (S δ2) = {PLANTS[plant].zero_rad_s:.0f} rad/s",
+        }
+        for plant, measured in results.zeros_rad_s.items()
+    ]  # fmt: skip
+    return _table(rows + _parameter_rows())
 
 
-def _parameter_rows() -> list[Row]:
+def _parameter_rows() -> list[dict[str, Any]]:
     printed: list[tuple[str, str, float, str]] = []
     derived: list[tuple[str, str, str]] = []
     for plant, model in PLANTS.items():
@@ -327,23 +263,21 @@ def _parameter_rows() -> list[Row]:
         ("Section V, frequency", "P10", SECTION_V.frequency_hz, "Hz"),
     ]
     derived.append(("Identified PICMA plant, g = S / a_0", "picma", f"{identified_g():.4f}"))
+    names = ("case", "plant", "paper_value", "unit", "verdict")
     return [
-        *(
-            Row(case, plant=plant, paper_value=value, unit=unit, verdict="used as printed")
-            for case, plant, value, unit in printed
-        ),
-        *(Row(case, plant=plant, verdict=f"follows: {value}") for case, plant, value in derived),
+        *(dict(zip(names, (*each, "used as printed"), strict=True)) for each in printed),
+        *({"case": c, "plant": p, "verdict": f"follows: {value}"} for c, p, value in derived),
     ]
 
 
-def sweep_rows(results: PaperResults) -> list[Row]:
+def sweep_rows(results: PaperResults) -> pd.DataFrame:
     """Return the error of every reading over the sampling time, 50 Hz: stability.png's numbers."""
-    return [_tracked("sweep", run, _spread(run)) for run in results.sweep]
+    return _table(_tracked("sweep", run, _spread(run)) for run in results.sweep)
 
 
-def implementation_rows(results: PaperResults) -> list[Row]:
+def implementation_rows(results: PaperResults) -> pd.DataFrame:
     """Return the errors on plants other than the literal model; the case names the plant."""
-    return [_tracked(x.plant, x.run, _spread(x.run)) for x in results.implementations]
+    return _table(_tracked(x.plant, x.run, _spread(x.run)) for x in results.implementations)
 
 
 def _spread(run: Tracking) -> str:
@@ -353,17 +287,6 @@ def _spread(run: Tracking) -> str:
     return f"max {low:.3g} to {high:.3g} in {len(run.max_error_um)} realisations"
 
 
-def to_csv(rows: Iterable[Row]) -> str:
-    """Write rows as CSV, columns as :class:`Row`; empty where there is no number."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in rows:
-        writer.writerow([_cell(value) for value in astuple(row)])
-    return text.getvalue()
-
-
-def _cell(value: str | float | None) -> str:
-    if value is None:
-        return ""
-    return value if isinstance(value, str) else f"{np.float64(value):.7g}"
+def to_csv(rows: pd.DataFrame) -> str:
+    """Write rows as CSV; empty where there is no number."""
+    return rows.to_csv(index=False, float_format="%.7g", lineterminator="\n")

@@ -13,7 +13,7 @@ from baselines.feedforward import (
     inversion_free_polynomial,
     spectral_radius,
 )
-from benchmarks.paper.cases import SECTION_V
+from benchmarks.paper.claims import SECTION_V
 from benchmarks.paper.tracking import (
     PERIODS,
     READINGS,
@@ -127,6 +127,22 @@ class Limit:
     loops: tuple[SlidingLoop, ...]
     predicted_loops: tuple[SlidingLoop, ...]
 
+    @property
+    def sides(self) -> dict[str, Side]:
+        """Both sides of the limit by name."""
+        return {"above": self.above, "below": self.below}
+
+    def verdict(self, side: Side) -> str:
+        """Verdict on "no condition" by one side of the limit."""
+        agrees = abs(self.found_s / self.predicted_s - 1.0) < 1e-3
+        source = f"limit {1e3 * self.found_s:.3f} ms" + (", as predicted" if agrees else "")
+        if side.growth < 1.0 and side.ripple_um < 1e-6:
+            return f"stable: disturbance shrinks {side.growth:.4f} a sample; {source}"
+        return (
+            f"a condition: disturbance grows {side.growth:.4f} a sample, error ripples by "
+            f"{side.ripple_um:.2g}; {source}"
+        )
+
 
 def _side(reading: Reading, hysteresis: RDPI, ts_s: float) -> Side:
     y_r, u, y = _ramp(reading, hysteresis, ts_s, _LONG_SAMPLES)[:, -_LONG_SAMPLES // 3 :, 1]
@@ -227,6 +243,14 @@ class StaticRun:
     def spikes(self) -> float:
         """Largest rate of the command over that of the exact inverse, median of the realisations."""
         return self.run.median_max_rate / self.smooth.max_rate
+
+    @property
+    def verdict(self) -> str:
+        """Verdict on "no condition": whether the loop of Eq. 6 alone decays."""
+        rate = f"command {self.spikes:.3g} times as fast as the exact inverse's"
+        if self.growth < 1.0:
+            return f"stable: g = {self.g:.3g} is below 1; {rate}"
+        return f"a condition: g = {self.g:.3g} is above 1; {rate}"
 
 
 def static_plant(g: float) -> RDPI:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from baselines.feedforward import limiting_cutoff_hz
-from benchmarks.paper.cases import (
+from benchmarks.paper.claims import (
     BOUND_UM,
+    COMPLETE_PERCENT,
     FIG_7,
     FREQUENCIES_HZ,
     INVERSION_FREE,
@@ -18,12 +19,14 @@ from benchmarks.paper.cases import (
     TABLE_TS_S,
     TS_S,
     Claim,
+    falls,
+    loop_opening_percent,
+    order,
     section_iii,
 )
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, SECTIONS, PaperResults
 from benchmarks.paper.stability import MARGIN, SLIDE_V_S, Implementation, identified_g
 from benchmarks.paper.tracking import READINGS, Sine, Tracking
-from benchmarks.paper.verdicts import COMPLETE_PERCENT, falls, loop_opening_percent, order
 from rdpi_gym.support import markdown, words
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import joined

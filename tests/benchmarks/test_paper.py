@@ -9,12 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.paper import tracking
-from benchmarks.paper.cases import (
+from benchmarks.paper.claims import (
     FREQUENCIES_HZ,
     SECTION_V,
     TABLE_TS_S,
     TS_S,
     Claim,
+    falls,
+    judge_bound,
+    judge_complete,
+    judge_series,
+    judge_step,
+    order,
     paper_cases,
     section_iii,
 )
@@ -29,15 +35,6 @@ from benchmarks.paper.stability import (
     zero_rad_s,
 )
 from benchmarks.paper.tracking import READINGS, Sine, Tracking, track
-from benchmarks.paper.verdicts import (
-    falls,
-    judge_bound,
-    judge_complete,
-    judge_limit,
-    judge_series,
-    judge_step,
-    order,
-)
 from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
@@ -116,9 +113,8 @@ def test_stability_limit_on_both_sides(reading, plant):
     assert limit.above.growth < 1.0 < limit.below.growth
     assert limit.above.ripple_um < 1e-9
     assert limit.below.ripple_um > 0.1
-    above, below = judge_limit(limit)
-    assert above.startswith("stable")
-    assert below.startswith("a condition")
+    assert limit.verdict(limit.above).startswith("stable")
+    assert limit.verdict(limit.below).startswith("a condition")
 
 
 @given(

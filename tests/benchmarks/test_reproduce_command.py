@@ -13,7 +13,7 @@ from benchmarks.paper import (
     sweep_rows,
     to_csv,
 )
-from benchmarks.paper.cases import section_iii
+from benchmarks.paper.claims import section_iii
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
