@@ -114,22 +114,8 @@ def complete(
 ) -> int:
     """Run the units whose rows a store does not have, and return the number of rows computed.
 
-    Parameters
-    ----------
-    store
-        Rows that are there are not computed again, but stale ones are set aside.
-    units, run, keys
-        What one worker does at a time, its rows, and their names.
-    is_stale, stale
-        Whether a stored row no longer holds, and the note on those set aside, with ``{}`` for the file.
-    name
-        Name of a row.
-    note
-        Called with what a reader should know, one sentence each.
-    is_finished
-        Whether a stored row need not be computed again.
-    stage, progress
-        What is said of the units that are done, of all.
+    Stored rows that `is_stale` are set aside, with the note `stale` (``{}`` for the file); those that
+    `is_finished` are not computed again. A unit is what one worker does at a time.
     """
     remark = store.remark()
     if remark is not None:

@@ -20,13 +20,7 @@ LOWPASS_HZ = 500.0
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read the paper's compensators.
-
-    Examples
-    --------
-    >>> READINGS["literal"].runs_on_own_rate, READINGS["given"].runs_on_own_rate
-    (True, False)
-    """
+    """One way to read the paper's compensators."""
 
     name: str  # what tables call it
     # ``none`` (u = y_r), ``inversion-free`` (Eq. 6) or ``closed-form`` (the classical inverse).
@@ -129,25 +123,7 @@ READINGS: dict[str, Reading] = {reading.name: reading for reading in _ALL}
 class Chain:
     """A compensator and a plant behind it, lane by lane, with the memory of both.
 
-    Parameters
-    ----------
-    reading
-        How the compensator is read.
-    hysteresis
-        The model, in compensator and plant alike.
-    ts_s
-        Sampling time (s).
-    lanes
-        Number of lanes B.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> chain = Chain(READINGS["none"], PAPER_III_B, 1e-3, lanes=1)
-    >>> y_r = np.array([[0.0], [1.0]])
-    >>> command, displacement = chain.advance(y_r, np.zeros((2, 1)))
-    >>> displacement.ravel().round(3).tolist()
-    [0.0, 0.729]
+    The same model is in compensator and plant, as the reading has it.
     """
 
     def __init__(self, reading: Reading, hysteresis: RDPI, ts_s: float, lanes: int) -> None:
@@ -222,19 +198,7 @@ _BLOCK = 1 << 15
 
 @dataclass(frozen=True)
 class Sine:
-    """The reference y_r(k) = amplitude sin(2π f k Ts) of a plant's simulation.
-
-    Raises
-    ------
-    InputError
-        A period is not a whole number of samples.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_III_B
-    >>> Sine("P5", PAPER_III_B, 10.0, 50.0, 1e-3).samples
-    20
-    """
+    """The reference y_r(k) = amplitude sin(2π f k Ts) of a plant's simulation."""
 
     plant: str  # name of the parameter set
     hysteresis: RDPI  # its parameters

@@ -39,13 +39,7 @@ NOISE_UM = 0.012
 
 @dataclass(frozen=True)
 class HiddenPlant:
-    """A plant and the effects that a bare belief does not know.
-
-    Examples
-    --------
-    >>> HIDDEN_PLANTS[2].name, HIDDEN_PLANTS[2].slug
-    ('P10 with creep and sensor_lag', 'p10-creep-sensor_lag')
-    """
+    """A plant and the effects that a bare belief does not know."""
 
     hidden: tuple[Effect, ...]  # the effects
     base: PlantModel = P10  # the plant without them

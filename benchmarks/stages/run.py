@@ -232,22 +232,7 @@ FEWEST_DIGITS, MOST_DIGITS = 20, 40
 
 @dataclass(frozen=True)
 class TestSeed:
-    """The seed of test draws, and what tables say of it.
-
-    Parameters
-    ----------
-    seed
-        A whole number of 0 or above.
-    is_public
-        Whether it is the one that is committed; another is named by a hash alone.
-
-    Examples
-    --------
-    >>> TestSeed().label
-    'public seed 2026'
-    >>> TestSeed(12345678901234567890, is_public=False).label
-    'private seed 6ed645ef'
-    """
+    """The seed of test draws; one that is not public is named by a hash alone."""
 
     __test__ = False  # to pytest it looks like a class of tests
 

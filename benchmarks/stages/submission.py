@@ -44,31 +44,16 @@ _LARGEST_CODE = 2**28  # bytes of a file, as those of a policy's weights
 
 @dataclass(frozen=True)
 class Submission:
-    """What a folder says.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-    controller
-        As it was named where it was submitted.
-    code
-        Name of the copy in the folder; empty for a controller of this package.
-    hash
-        Of that copy, or of this package's code.
-    tasks, plants
-        What it was scored on, with the public seed.
-    command
-        The command that made it.
-    """
+    """Content of a submission's folder."""
 
     folder: Path
-    controller: str
-    code: str
-    hash: str
+    controller: str  # as it was named where it was submitted
+    code: str  # name of the copy in the folder; empty for a controller of this package
+    hash: str  # of that copy, or of this package's code
+    # what it was scored on, with the public seed
     tasks: tuple[str, ...]
     plants: int
-    command: str
+    command: str  # that made it
 
     @property
     def runs_as(self) -> str:

@@ -81,15 +81,7 @@ def policy_bytes(controller: str) -> bytes:
 
 @dataclass(frozen=True)
 class Made:
-    """A controller that was made with a belief and a layout of its own; it is scored as it is.
-
-    Parameters
-    ----------
-    controller
-        With ``predict``.
-    layout
-        What it is shown; its sampling time is the one that it is scored at.
-    """
+    """A controller that was made with a belief and a layout of its own; it is scored as it is."""
 
     controller: Controller
     layout: ObservationLayout
