@@ -15,13 +15,19 @@ import pytest
 from benchmarks import foreign_effects, hidden_effects
 from benchmarks.effect_discovery import foreign, independent
 from benchmarks.effect_discovery.__main__ import main
-from benchmarks.effect_discovery.bench import Bench
 from benchmarks.effect_discovery.cases import Case, Prepared, Sampled, run_case, source_files
-from benchmarks.effect_discovery.foreign import FOREIGN, OUTSIDE
+from benchmarks.effect_discovery.foreign import (
+    FOREIGN,
+    KINDS,
+    OUTSIDE,
+    degrade,
+    through_files,
+    true_residual,
+)
 from benchmarks.effect_discovery.forms import EFFECTS, FORMS, Mechanism
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.physics import linear, plays_by_substeps, plays_by_turning_points
-from benchmarks.effect_discovery.plants import Foreign
+from benchmarks.effect_discovery.plants import Bench, Foreign
 from benchmarks.effect_discovery.protocols import (
     PROTOCOLS,
     Drive,
@@ -39,12 +45,6 @@ from benchmarks.effect_discovery.report import (
     judge,
     judge_statements,
     judgements,
-)
-from benchmarks.effect_discovery.sampled import (
-    KINDS,
-    degrade,
-    through_files,
-    true_residual,
 )
 from benchmarks.rows import run_rows
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, View, steps_of
