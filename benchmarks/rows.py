@@ -137,6 +137,15 @@ def complete(
     return computed
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a run."""
+
+    rows: list[Row]  # those that were asked for, a bound's among them
+    computed: int  # number of rows that were not finished before
+    notes: tuple[str, ...]  # for a reader of the results, one sentence each
+
+
 class Keyed(Protocol):
     """A case of a study."""
 

@@ -23,7 +23,7 @@ from baselines import (
     make_controller,
 )
 from baselines.preview import PreviewInversion
-from benchmarks.rows import TASKS, TaskKey, complete
+from benchmarks.rows import TASKS, Outcome, TaskKey, complete
 from benchmarks.tracking.controllers import (
     code_fingerprint,
     is_learned,
@@ -204,23 +204,6 @@ def _row(unit: Unit, number: int) -> Row:
     }
 
 
-def make_units(
-    controller: str,
-    task: str,
-    seed: int,
-    draws: str,
-    plants: Sequence[int],
-    stamp: str,
-    factory: ControllerFactory | None = None,
-) -> list[Unit]:
-    """Cut what is asked of a controller on a task into units of at most :data:`PLANTS` plants."""
-    numbers = list(plants)
-    return [
-        Unit(controller, task, seed, draws, tuple(numbers[i : i + PLANTS]), stamp, factory)
-        for i in range(0, len(numbers), PLANTS)
-    ]
-
-
 PLANTS = 50
 """Plants of a unit at most: what is done twice where a run is interrupted."""
 
@@ -278,15 +261,6 @@ def field() -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a run."""
-
-    rows: list[Row]  # those that were asked for, the bound's among them
-    computed: int  # number of rows that were not finished before
-    notes: tuple[str, ...]  # what a reader should know, one sentence each
-
-
 def run_tasks(
     controllers: Sequence[str],
     tasks: Sequence[str],
@@ -319,13 +293,13 @@ def run_tasks(
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
     units = [
-        unit
-        for task in dict.fromkeys(names)
-        for name in asked
-        for unit in make_units(
-            name, task, drawn.seed, drawn.label, range(plants),
+        Unit(
+            name, task, drawn.seed, drawn.label, tuple(range(plants)[first : first + PLANTS]),
             _stamp(name, task, made) if kept else "", made.get(name),
         )
+        for task in dict.fromkeys(names)
+        for name in asked
+        for first in range(0, plants, PLANTS)
     ]  # fmt: skip
     store, notes = TASKS.open(out), list[str]()
     stamps = {k: unit.stamp for unit in units for k in unit.keys}

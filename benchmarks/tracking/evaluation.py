@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from baselines import FULL_PREVIEW
-from benchmarks.rows import TRACKING
+from benchmarks.rows import TRACKING, Outcome
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.episode import tally
 from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
-from benchmarks.tracking.run import Outcome
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import cases
 from rdpi_gym.support.arrays import Array
