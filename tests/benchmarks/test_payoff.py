@@ -119,9 +119,8 @@ def test_finished_rows_are_kept_and_those_of_another_belief_set_aside(small, mon
 
 def test_tables_page_and_picture_say_what_diverged(small):
     table = small[1].copy()
-    table.loc[
-        (table["controller"] == scores.PREVIEW_INVERSION) & (table["belief"] == "bare"), "status"
-    ] = "diverged: the error is larger than that of standing still"
+    lost = (table["controller"] == scores.PREVIEW_INVERSION) & (table["belief"] == "bare")
+    table.loc[lost, "status"] = "diverged: the error is larger than that of standing still"
     summary = payoff_summary(table)
     oracle = summary[summary["controller"] == scores.PREVIEW_INVERSION].iloc[0]
     assert oracle["diverged"] == "bare"
@@ -133,13 +132,8 @@ def test_tables_page_and_picture_say_what_diverged(small):
     for text in (payoff_text(table), payoff_part(table)):
         assert "| P10 with creep and sensor_lag | preview-inversion | diverged |" in text
     assert payoff_picture(summary).startswith(b"\x89PNG")
-    section = payoff_section(table)
-    notes = [
-        mark.text
-        for panel in section.figure.panels
-        for mark in panel.marks
-        if hasattr(mark, "text")
-    ]
+    panels = payoff_section(table).figure.panels
+    notes = [mark.text for panel in panels for mark in panel.marks if hasattr(mark, "text")]
     assert "bare: diverged" in notes
     assert set(COLUMNS) < set(table.columns)
 
@@ -197,19 +191,16 @@ class _Records:
         self.records = truth.experiments()
 
 
-@over(
-    "arguments, said",
-    [
+def test_bad_input_is_one_line_and_status_2(capsys):
+    for arguments, message in (
         (["--seed", "-1"], "--seed is -1; give 0 or more"),
         (["--jobs", "0"], "--jobs is 0; give the number of processes"),
         (["--out", __file__], "is a file; give a folder"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(arguments, said, capsys):
-    assert command.main(arguments) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
+    ):
+        assert command.main(arguments) == 2, arguments
+        error = capsys.readouterr().err
+        assert message in error, arguments
+        assert error.count("\n") == 1, arguments
 
 
 def test_a_plant_with_another_form_has_a_name_and_files_of_its_own():
