@@ -40,8 +40,8 @@ states its ``name``. One of another project is named by an entry point of the gr
 
 from baselines.base import Baseline
 from baselines.feedforward import Feedforward
-from baselines.horizon import HORIZON_BOUND, TrueHorizon
 from baselines.lookup import GUARDED, LEARNED, find_factory, make_controller, policy_of
+from baselines.model_predictive import HORIZON_BOUND, TrueHorizon
 from baselines.preview import FULL_PREVIEW, FullPreviewInversion
 from baselines.registry import (
     CONTROLLERS,

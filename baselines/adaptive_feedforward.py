@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from baselines.base import Observation
 from baselines.core_inverse import hysteresis_inverse, inverse_command, linear_inverse, look_ahead
 from baselines.lanes import Rows, lane_products, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
@@ -174,24 +174,20 @@ class AdaptiveFeedforward(Tunable):
         of(state, "monitor")[:] = self.monitor.start(reference_um)
         return state
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Learn from y(k), answer r(k+1+lead); see :meth:`baselines.base.Baseline.next_command`."""
         measured = self.layout.measured_um(observation)
         wanted = self.wanted_um(observation, measured, reference_um[0], state)
         return self.driven(observation, wanted, state)
 
-    def driven(
-        self, observation: NDArray[np.floating[Any]], wanted_um: Array, state: Array
-    ) -> Array:
+    def driven(self, observation: Observation, wanted_um: Array, state: Array) -> Array:
         """Return u(k+1) (V), ``(B,)``, for a w (µm) that may differ from :meth:`wanted_um`; the estimate is told."""
         shift_in(self.rows.of(state, "wanted"), wanted_um)
         return inverse_command(self.inverse, observation, wanted_um, self.rows.of(state, "inverse"))
 
     def wanted_um(
         self,
-        observation: NDArray[np.floating[Any]],
+        observation: Observation,
         measured_um: Array,
         reference_um: Array,
         state: Array,
@@ -229,7 +225,7 @@ class AdaptiveFeedforward(Tunable):
         wanted: Array = smooth + np.clip(correction, -most, most)
         return wanted
 
-    def _is_free(self, observation: NDArray[np.floating[Any]], state: Array) -> NDArray[np.bool_]:
+    def _is_free(self, observation: Observation, state: Array) -> NDArray[np.bool_]:
         """Whether the last command was within its limits, so that the plant was driven by w."""
         low, high, step = self.limits
         applied, last = self.layout.command_V(observation), self.rows.of(state, "last_V")

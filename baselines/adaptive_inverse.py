@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from baselines.base import Observation
 from baselines.core_inverse import POWERS, linear_inverse, look_ahead
-from baselines.inverses.preview_filter import preview_weights
+from baselines.inverses.linear import preview_weights
 from baselines.lanes import Rows, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.tuning import Knob, Settings, Tunable
@@ -137,9 +135,7 @@ class AdaptiveInverse(Tunable):
         passed[:, -1] = reference_um
         return state
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Learn from y(k), answer r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         of, ts = self.rows.of, self.layout.ts_s
         applied = self.layout.command_V(observation)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,9 @@ from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+
+Observation: TypeAlias = NDArray[np.floating[Any]]
+"""Observations of B episodes side by side, ``(B, D)``."""
 
 
 class Baseline(ABC):
@@ -79,9 +82,7 @@ class Baseline(ABC):
         """
 
     @abstractmethod
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Return u(k+1) (V), ``(B,)``, within the limits, and move the memory on.
 
         Parameters
@@ -115,7 +116,7 @@ class Baseline(ABC):
 
     def predict(
         self,
-        observation: NDArray[np.floating[Any]],
+        observation: Observation,
         state: Array | None = None,
         episode_start: ArrayLike | None = None,
         deterministic: bool = False,

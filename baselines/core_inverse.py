@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from baselines.base import Observation
 from baselines.classical import ClassicalReferenceRate
 from baselines.feedforward import Feedforward
-from baselines.inverses.preview_filter import inverse_series
+from baselines.inverses.linear import inverse_series
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, PlantModel, pack
 from rdpi_gym.plant.cores.play import rate_block
@@ -120,7 +119,7 @@ def hysteresis_inverse(belief: PlantModel, layout: ObservationLayout) -> Feedfor
 
 def inverse_command(
     inverse: Feedforward,
-    observation: NDArray[np.floating[Any]],
+    observation: Observation,
     wanted_um: Array,
     memory: Array,
 ) -> Array:

@@ -18,17 +18,24 @@ from abc import abstractmethod
 
 import numpy as np
 
-from baselines.linear_feedback import LinearFeedback
-from baselines.loops.path import Mode
-from baselines.loops.systems import (
+from baselines.adaptive_feedforward import MOST, AdaptiveFeedforward
+from baselines.base import Observation
+from baselines.linear_feedback import CorrectedInverse, LinearFeedback
+from baselines.loops import (
+    BeliefPath,
     LinearSystem,
+    Mode,
+    belief_path,
     gain,
     integral_shape,
     largest_factor,
     sampled,
     unit_delay,
 )
-from baselines.tuning import Knob
+from baselines.tuning import Knob, Settings
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import PlantModel
+from rdpi_gym.support.arrays import Array
 
 # What a mode may have of half the sampling frequency to be damped by a filter in samples.
 _FASTEST = 0.8
@@ -164,3 +171,66 @@ class DualLoop(DampedTracking):
         half = 0.5 * (math.pi - min(max(lead_rad, 0.1), math.pi - 0.1))
         corner = self.settings["corner_share"] * mode.omega0_rad_s / math.tan(half)
         return sampled([1.0, -corner], [1.0, corner], self.layout.ts_s, mode.omega0_rad_s)
+
+
+class CorrectedAdaptive(AdaptiveFeedforward):
+    """The adaptive feedforward with a correction, which its estimate knows of.
+
+    Examples
+    --------
+    >>> CorrectedAdaptive.needs_core is None
+    True
+    """
+
+    def corrected_command(
+        self, observation: Observation, correction_um: Array, state: Array
+    ) -> Array:
+        """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_feedback.CorrectedInverse`."""
+        measured = self.layout.measured_um(observation)
+        now = self.layout.reference_um(observation, slice(1))[:, 0]
+        wanted = self.wanted_um(observation, measured, now, state)
+        return self.driven(observation, wanted + correction_um, state)
+
+
+class AdaptiveDualLoop(DualLoop):
+    """``dual-loop`` on ``adaptive-feedforward`` in place of the belief's inverse.
+
+    The feedforward learns what the belief lacks and needs a period for it; the feedback damps the
+    mode and answers what is not learned. The estimate takes the correction for what it is, a part of
+    what went in, so the two do not work against each other. The feedforward has its own settings.
+
+    Attributes
+    ----------
+    feedforward : CorrectedAdaptive
+        What is corrected.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
+    >>> AdaptiveDualLoop(P10, layout, {}).inverse.name
+    'adaptive-feedforward'
+    """
+
+    name = "adaptive-dual-loop"
+
+    def __init__(
+        self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
+    ) -> None:
+        self.feedforward = self.adaptive(belief, layout)
+        super().__init__(belief, layout, settings)
+        self.plant_samples += self.feedforward.plant_samples
+
+    def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
+        """Return the feedforward; its settings are its own."""
+        return CorrectedAdaptive(belief, layout)
+
+    def certificate(self) -> str | None:
+        """Return what is certain of the feedback on its belief, which the adaptation is no part of."""
+        line = super().certificate()
+        most = MOST * self.layout.scale_um
+        return line and f"{line}; of the feedback alone: the adaptation adds {most:.3g} µm at most"
+
+    def inverse_and_path(self) -> tuple[CorrectedInverse, BeliefPath]:
+        """Return the adaptive feedforward, and the belief's path: the correction passes all of it."""
+        return self.feedforward, belief_path(self.belief, self.layout.ts_s)

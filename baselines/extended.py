@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from baselines.base import Observation
 from baselines.classical import ClassicalReferenceRate
 from baselines.feedforward import checked_reference
 from baselines.inverses import Inverse, inverses_of
-from baselines.inverses.chain import followed, run_stages, start_stages
-from baselines.inverses.congruency import congruent_inverse_block, growth, rising_range
+from baselines.inverses.chain import (
+    congruent_inverse_block,
+    followed,
+    growth,
+    rising_range,
+    run_stages,
+    start_stages,
+)
 from baselines.lanes import limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, pack
@@ -104,9 +109,7 @@ class ExtendedInverse(ClassicalReferenceRate):
         before, _ = start_stages(self.inverses.command, rest)
         return np.concatenate([own, np.zeros((1, len(x))), *behind, *before])
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Answer r(k+1) and what follows; see :meth:`baselines.base.Baseline.next_command`."""
         if self.inverses.changes_nothing:
             return super().next_command(observation, reference_um, state)
@@ -115,7 +118,7 @@ class ExtendedInverse(ClassicalReferenceRate):
         return command
 
     def corrected_command(
-        self, observation: NDArray[np.floating[Any]], correction_um: Array, state: Array
+        self, observation: Observation, correction_um: Array, state: Array
     ) -> Array:
         """Return u(k+1) (V), ``(B,)``, with feedback inside: what the plays are to give is corrected.
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.adaptive_feedforward import AdaptiveFeedforward
+from baselines.base import Observation
 from baselines.lanes import Rows
-from baselines.loops.certificates import Certificate, certify
-from baselines.loops.path import belief_path
-from baselines.loops.systems import integrator, sampled, unit_delay
+from baselines.loops import Certificate, belief_path, certify, integrator, sampled, unit_delay
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -112,9 +109,7 @@ class Hybrid(Tunable):
         self.rows.of(state, "inside")[:] = self.feedforward.start(reference_um)
         return state
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """See :meth:`baselines.base.Baseline.next_command`."""
         of, inner = self.rows.of, self.feedforward
         inside, rested = of(state, "inside"), of(state, "rested")[0]

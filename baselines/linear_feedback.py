@@ -6,17 +6,26 @@ import math
 from abc import abstractmethod
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from baselines.base import Observation
 from baselines.extended import ExtendedInverse
-from baselines.inverses.preview_filter import PreviewFilter
+from baselines.inverses.linear import PreviewFilter
 from baselines.lanes import Rows, product
-from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, loop_warning
-from baselines.loops.path import BeliefPath, belief_path, grid
-from baselines.loops.systems import LinearSystem, unit_delay, weighted
+from baselines.loops import (
+    BeliefPath,
+    Certificate,
+    LinearSystem,
+    belief_path,
+    certify,
+    grid,
+    harmful_mode_hz,
+    loop_warning,
+    unit_delay,
+    weighted,
+)
 from baselines.ringing import BAND_HZ, RingingMonitor
 from baselines.tuning import Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -39,7 +48,7 @@ class CorrectedInverse(Protocol):
         """As :meth:`baselines.base.Baseline.start`."""
 
     def corrected_command(
-        self, observation: NDArray[np.floating[Any]], correction_um: Array, state: Array
+        self, observation: Observation, correction_um: Array, state: Array
     ) -> Array:
         """As :meth:`baselines.extended.ExtendedInverse.corrected_command`."""
 
@@ -123,9 +132,7 @@ class LinearFeedback(Tunable):
         self.rows.of(state, "inverse")[:] = self.inverse.start(reference_um)
         return state
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Answer e(k) and r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         system = self.feedback
         own, rest = self.rows.of(state, "feedback"), self.rows.of(state, "inverse")
@@ -162,7 +169,7 @@ class LinearFeedback(Tunable):
 
     @cached_property
     def certified(self) -> Certificate:
-        """Certificate of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        """Certificate of the loop on its belief; see :mod:`baselines.loops`."""
         core = self.belief.hysteresis
         return certify(self.open_loops, self.z, (core.a0 / core.A, core.A / core.a0))
 

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from baselines.base import Baseline
+from baselines.base import Baseline, Observation
 from baselines.feedforward import Feedforward, nyquist_gain
 from baselines.lanes import limited
-from baselines.loops.certificates import Certificate, certify, harmful_mode_hz, loop_warning
-from baselines.loops.path import belief_path, effect_system, grid, sliding_system
-from baselines.loops.systems import LinearSystem, Response, gain, integrator, unit_delay
+from baselines.loops import (
+    Certificate,
+    LinearSystem,
+    Response,
+    belief_path,
+    certify,
+    effect_system,
+    gain,
+    grid,
+    harmful_mode_hz,
+    integrator,
+    loop_warning,
+    sliding_system,
+    unit_delay,
+)
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, check_ts
 from rdpi_gym.plant.cores.base import Core
@@ -181,9 +192,7 @@ class PI(Baseline):
             return own
         return np.concatenate([own, self.feedforward.start(reference_um)])
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Answer e(k) and r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         if self.feedforward is None:
             u = np.full(len(observation), self.limits.rest_V)
@@ -210,7 +219,7 @@ class PI(Baseline):
 
     @cached_property
     def certified(self) -> Certificate:
-        """Certificate of the loop on its belief; see :mod:`baselines.loops.certificates`."""
+        """Certificate of the loop on its belief; see :mod:`baselines.loops`."""
         loops, _, z, _ = self._loops
         lowest = self.belief.hysteresis.a0 / self.belief.hysteresis.A
         return certify(loops, z, (lowest, 1.0), steady=(lowest, 1.0))

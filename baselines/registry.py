@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import Any, TypeAlias
 
 from baselines.base import Baseline
@@ -12,7 +12,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.plugins import classes_of
+from rdpi_gym.support.plugins import Members
 from rdpi_gym.support.words import guess, quoted, some
 
 BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
@@ -20,34 +20,16 @@ BaselineFactory: TypeAlias = Callable[[PlantModel, ObservationLayout], Baseline]
 _PACKAGE = __name__.rpartition(".")[0]
 
 
-class Feedforwards(Mapping[str, type[Feedforward]]):
-    """The feedforwards of this package by name; its files are read when one is asked for.
-
-    Examples
-    --------
-    >>> FEEDFORWARDS["none"].__name__
-    'StaticGain'
-    """
-
-    @cached_property
-    def _found(self) -> dict[str, type[Feedforward]]:
-        return {name: kind for name, kind in _declared().items() if issubclass(kind, Feedforward)}
-
-    def __getitem__(self, name: str) -> type[Feedforward]:
-        return self._found[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
-
-    def __len__(self) -> int:
-        return len(self._found)
+def _is_named(kind: type[Baseline]) -> bool:
+    """Whether a class states a name of its own, which one that is derived from it does not inherit."""
+    return "name" in vars(kind)
 
 
 class Controllers(Mapping[str, BaselineFactory]):
     """Factories of the controllers of this package by name, called with (belief, layout).
 
     Every class in a file of this folder that states a ``name``, and ``<name>-<feedforward>`` for
-    those that are made on feedforwards.
+    those that are made on feedforwards; the files are read when one is asked for.
 
     Examples
     --------
@@ -58,7 +40,8 @@ class Controllers(Mapping[str, BaselineFactory]):
     @cached_property
     def _found(self) -> dict[str, BaselineFactory]:
         found: dict[str, BaselineFactory] = dict(FEEDFORWARDS)
-        for name, kind in _declared().items():
+        kinds = Members(_PACKAGE, Baseline, counts=_is_named)  # type: ignore[type-abstract]
+        for name, kind in kinds.items():
             found.setdefault(name, kind)
             if kind.on_feedforwards:
                 make: Callable[..., Baseline] = kind
@@ -76,16 +59,10 @@ class Controllers(Mapping[str, BaselineFactory]):
         return len(self._found)
 
 
-FEEDFORWARDS: Mapping[str, type[Feedforward]] = Feedforwards()
+FEEDFORWARDS: Mapping[str, type[Feedforward]] = Members(_PACKAGE, Feedforward, counts=_is_named)  # type: ignore[type-abstract]
 """Every feedforward of this package by its name."""
 CONTROLLERS: Mapping[str, BaselineFactory] = Controllers()
 """Every controller of this package by its name."""
-
-
-@cache
-def _declared() -> dict[str, type[Baseline]]:
-    found: list[type[Baseline]] = classes_of(_PACKAGE, Baseline)  # type: ignore[type-abstract]
-    return {kind.name: kind for kind in found if "name" in vars(kind)}
 
 
 def known_controller(name: object) -> BaselineFactory:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import signal
 
+from baselines.base import Observation
 from baselines.core_inverse import (
     POWERS,
     hysteresis_inverse,
@@ -17,9 +17,9 @@ from baselines.core_inverse import (
     look_ahead,
 )
 from baselines.feedforward import checked_reference
-from baselines.inverses.preview_filter import preview_weights
+from baselines.inverses.linear import preview_weights
 from baselines.lanes import Rows
-from baselines.loops.path import belief_path
+from baselines.loops import belief_path
 from baselines.model_predictive import MODE_FACTORS, with_mode_at
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -135,9 +135,7 @@ class Repetitive(Tunable):
         self.rows.of(state, "inverse")[:] = self._inverse.start(reference_um)
         return state
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Learn from e(k), answer r(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         assert self._first is not None
         of, lanes = self.rows.of, state.shape[1]

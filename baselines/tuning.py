@@ -205,7 +205,7 @@ class Tunable(Baseline):
 
     Examples
     --------
-    >>> from baselines.static_gain import StaticGain
+    >>> from baselines.feedforward import StaticGain
     >>> from rdpi_gym.plant import named_plant
     >>> class Scaled(Tunable, StaticGain):
     ...     name = "scaled"

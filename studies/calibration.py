@@ -8,7 +8,6 @@ checked. The fit is written to the package, the check to the results, with its r
 
 from __future__ import annotations
 
-import io
 import math
 import sys
 from argparse import Namespace
@@ -19,8 +18,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
@@ -41,14 +38,16 @@ from rdpi_gym.diagnosis.probability import (
 )
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import kin_of
-from rdpi_gym.report.style import MUTED, PALETTE, matplotlib_style
+from rdpi_gym.report.chart import Axis, Panel, Series, side_by_side
+from rdpi_gym.report.chart_matplotlib import chart_png
+from rdpi_gym.report.style import MUTED, PALETTE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
-from studies.png import small_png
+from studies.chromium import small_png
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "calibration"
@@ -265,32 +264,22 @@ def report(
 
 
 def picture(judged: Judged) -> bytes:
-    """Draw how often what is called so probable is true, one panel a study."""
-    style: Any = matplotlib_style()
-    shown = ("added", "class", "not added")
-    with rc_context(style):
-        figure = Figure(figsize=(4.6 * len(judged), 4.8))
-        figure.set_layout_engine("constrained")
-        panels = figure.subplots(1, len(judged), sharey=True, squeeze=False)[0]
-        for axes, (study, results) in zip(panels, judged.items(), strict=True):
-            axes.plot([0, 100], [0, 100], color=MUTED, linewidth=1, zorder=1)
-            for name, colour in zip(shown, PALETTE, strict=False):
-                chances, true = results[name]
-                parts = np.array_split(np.argsort(chances, kind="stable"), _BINS)
-                said = [100.0 * float(chances[k].mean()) for k in parts]
-                was = [100.0 * float(true[k].mean()) for k in parts]
-                bars = [100.0 * float(true[k].std() / math.sqrt(len(k))) for k in parts]
-                axes.errorbar(
-                    said, was, bars, fmt="o", color=colour, markersize=4, label=KINDS[name]
-                )
-            axes.set_title(study, loc="left")
-            axes.set_xlabel("said (%)")
-        panels[0].set_ylabel("true (%)")
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=1)
-        stream = io.BytesIO()
-        figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
+    """Draw observed frequency over probability, one panel a study."""
+    panels = []
+    for study, results in judged.items():
+        marks = [Series([0.0, 100.0], [0.0, 100.0], colour=MUTED, width=1.0)]
+        for name, colour in zip(("added", "class", "not added"), PALETTE, strict=False):
+            chances, true = results[name]
+            parts = np.array_split(np.argsort(chances, kind="stable"), _BINS)
+            x = [100.0 * float(chances[k].mean()) for k in parts]
+            y = [100.0 * float(true[k].mean()) for k in parts]
+            bars = [100.0 * float(true[k].std() / math.sqrt(len(k))) for k in parts]
+            marks.append(
+                Series(x, y, KINDS[name], colour, None, marker="circle", errors=(bars, bars))
+            )
+        panels.append(Panel(marks, Axis("said (%)"), Axis("true (%)"), study))
+    chart = side_by_side(panels, legend="below", shared="y")
+    return small_png(chart_png(chart, (4.6 * len(panels), 4.8)))
 
 
 def _more(options: Options) -> None:

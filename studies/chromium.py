@@ -1,7 +1,9 @@
-"""The browser that a reader would use, without a window; and the laboratory's page in it."""
+"""Pictures for pages: small PNG files, and the browser without a window, with the laboratory's page in it."""
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import re
 import shutil
@@ -13,7 +15,42 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+from PIL import Image
+
 from rdpi_gym.support.errors import InputError
+
+COLOURS = 128
+"""Of a small picture: those that fill most of it, as they are; all others go to the nearest."""
+
+
+def small_png(picture: bytes) -> bytes:
+    """Return a PNG picture with few colours: lines on paper take less than half of the bytes."""
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(np.int32)
+    height, width, _ = pixels.shape
+    found, place, counts = np.unique(
+        pixels.reshape(-1, 3), axis=0, return_inverse=True, return_counts=True
+    )
+    common = found[np.argsort(-counts, kind="stable")[:COLOURS]]
+    distance = np.sum((found[:, None, :] - common[None, :, :]) ** 2, axis=2)
+    nearest = np.argmin(distance, axis=1).astype(np.uint8)
+    few = Image.frombytes("P", (width, height), nearest[place.ravel()].tobytes())
+    few.putpalette(common.astype(np.uint8).tobytes())
+    return _written(few)
+
+
+def screen_png(picture: bytes) -> bytes:
+    """Return a PNG picture of a screen with 256 colours, rare ones of thin lines among them."""
+    whole = Image.open(io.BytesIO(picture)).convert("RGB")
+    few = whole.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    return _written(few)
+
+
+def _written(picture: Image.Image) -> bytes:
+    stream = io.BytesIO()
+    picture.save(stream, "PNG", optimize=True)
+    return stream.getvalue()
+
 
 _PATIENCE_S, _LOOK_MS, _ASK_MS = 300.0, 20, 200
 _BEARER = "'Bearer ' + localStorage.getItem('rdpi-lab-token')"
@@ -38,21 +75,43 @@ def chromium() -> Iterator[Any]:
             found.close()
 
 
+WIDTH_PX, _TIMEOUT_MS = 980, 60_000
+# The figure of a section; of several, the one with that number or under that name.
+_DRAW = """([section, choice, width]) => {
+  const sections = [...document.querySelectorAll("section")];
+  const found = sections.find((each) => each.querySelector("h2").textContent === section);
+  if (!found) return "no section";
+  const option = [...found.querySelectorAll("option")].find((o) => o.textContent === choice);
+  const boxes = found.querySelectorAll(".figure");
+  const box = option ? document.getElementById(option.value) : boxes[(Number(choice) || 1) - 1];
+  if (!box || (choice && !option && !Number(choice))) return "no figure";
+  const figure = JSON.parse(document.getElementById(box.dataset.figure).textContent);
+  // what a picture cannot do: buttons
+  const layout = {...figure.layout, updatemenus: []};
+  return Plotly.toImage({data: figure.data, layout: layout},
+                        {format: "png", width: width, height: figure.layout.height});
+}"""
+
+
+def figure_png(browser: Any, page: Path, section: str, choice: str = "") -> bytes:
+    """Return one figure of a page of results as a small PNG file."""
+    if not page.is_file():
+        raise InputError(f"{page} is missing; the template takes a picture from it")
+    tab = browser.new_page()
+    try:
+        tab.set_default_timeout(_TIMEOUT_MS)
+        tab.goto(page.resolve().as_uri())
+        drawn = str(tab.evaluate(_DRAW, [section, choice, WIDTH_PX]))
+    finally:
+        tab.close()
+    head, comma, data = drawn.partition(",")
+    if not comma:
+        raise InputError(f"{page} has {head} {section!r} {choice!r}; the template draws it")
+    return small_png(base64.b64decode(data))
+
+
 class LabProcess:
-    """`rdpi lab` in a process of its own, on one session.
-
-    Parameters
-    ----------
-    session
-        Folder of the session.
-    sources
-        Data files and folders to begin with.
-
-    Attributes
-    ----------
-    address : str
-        What a browser opens.
-    """
+    """`rdpi lab` in a process of its own on the folder of a session; a browser opens its `address`."""
 
     def __init__(self, session: Path, sources: Sequence[Path] = ()) -> None:
         self.session = session
@@ -98,22 +157,7 @@ class LabProcess:
 
 
 class LabPage:
-    """The laboratory's page in a browser.
-
-    Parameters
-    ----------
-    browser
-        From :func:`chromium`.
-    dark
-        Whether the browser asks for dark pages.
-
-    Attributes
-    ----------
-    tab : playwright.sync_api.Page
-        The browser's own.
-    said, asked : list of str
-        What its console said, and addresses on other machines that it asked for.
-    """
+    """The laboratory's page in a browser: lines of its console, and requests to other machines."""
 
     def __init__(self, browser: Any, dark: bool = False) -> None:
         self.tab = browser.new_page(

@@ -22,7 +22,7 @@ import rdpi_gym.plant
 from rdpi_gym.identification.cores import CoreFit, fit_core
 from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Quantities, Quantity, load
-from rdpi_gym.measurement.loading import DATA_HINT, measured_data
+from rdpi_gym.measurement.loading import DATA_HINT, example_folder, measured_data
 from rdpi_gym.measurement.options import DataOptions
 from rdpi_gym.plant import CORES, Plant, PlantModel
 from rdpi_gym.plant.cores.lugre import LuGre
@@ -45,7 +45,7 @@ _LUGRE = (
     "Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automat. Contr. 40 (1995) 419, Table I; "
     "the command range is ours"
 )
-_UNITS = {"picma": {}, "friction_damper": {"u": "mm", "y": "kN"}}
+_UNITS = {"u": "mm", "y": "kN"}
 # Of the command range beyond the data's, and of what a slow walk through the range reaches, where
 # references lie.
 _MARGIN, _REACHED = 0.05, 0.9
@@ -58,15 +58,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: Namespace) -> None:
-    folders = {name: measured_data(name) for name in ("picma", "friction_damper")}
-    for name, folder in folders.items():
-        if folder is None:
-            raise InputError(f"the folder {name} is missing. {DATA_HINT}")
-    picma, damper = (
-        load(folder, DataOptions(units=_UNITS[name]))
-        for name, folder in folders.items()
-        if folder is not None
-    )
+    folder = measured_data("friction_damper")
+    if folder is None:
+        raise InputError(f"the folder friction_damper is missing. {DATA_HINT}")
+    picma = load(example_folder("picma"))
+    damper = load(folder, DataOptions(units=_UNITS))
     with progress_bar() as show:
         for plant in (*_of_the_stack(picma, show), *_of_the_damper(damper, show), published()):
             print(plant.save(options.out / f"{plant.name}.json"))

@@ -28,8 +28,7 @@ from rdpi_gym.plant.effects import Effect, load_effect
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
-from studies.bare_metal.boards import BOARDS, COMPILER, EMULATOR, missing
-from studies.bare_metal.counted import cost, write_sources
+from studies.bare_metal import BOARDS, COMPILER, EMULATOR, cost, missing, write_sources
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results"

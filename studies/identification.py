@@ -30,7 +30,7 @@ import rdpi_gym.plant
 from rdpi_gym.identification import fit, validation_rmse
 from rdpi_gym.identification.scale import data_scales
 from rdpi_gym.identification.stack import Stack, stack_records
-from rdpi_gym.measurement import DATA_HINT, Record, load, measured_data
+from rdpi_gym.measurement import Dataset, Record, example_folder, load
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel, empty_state
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.support.arrays import Array
@@ -270,13 +270,13 @@ def summary(recovered: pd.DataFrame, covered: pd.DataFrame, timed: pd.DataFrame)
     return pd.DataFrame(rows)
 
 
-def ship_plant(folder: Path, data: Path) -> Path:
+def ship_plant(folder: Path, records: Dataset) -> Path:
     """Identify the measured stack and write it as the plant `picma`.
 
     Its displacement counts from rest at 0 V: where a sensor has its zero is no part of a plant, and
     references start where the plant does.
     """
-    model = fit(load(data), name="picma").plant
+    model = fit(records, name="picma").plant
     centre, amplitude = model.reference_um
     shipped = replace(
         model, name="picma", offset_um=0.0, reference_um=(centre - model.offset_um, amplitude)
@@ -285,11 +285,11 @@ def ship_plant(folder: Path, data: Path) -> Path:
     return path
 
 
-def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int, note: str) -> str:
+def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int) -> str:
     """Return the tables with what was measured and how."""
     sines = "; ".join(f"{f:g} Hz, {a:g} V, Ts = {ts:g} s" for f, a, ts, _ in EXPERIMENTS)
     words = {
-        "summary": note,
+        "summary": "",
         "recovery": f"Noise-free data of P10: three periods each of sines of {sines}.",
         "coverage": (
             f"The same records with {NOISE_UM:g} µm of white noise, {draws} draws: how often the "
@@ -315,15 +315,12 @@ def as_markdown(tables: dict[str, pd.DataFrame], draws: int, rounds: int, note: 
 
 
 def _measure_all(chosen: Namespace) -> Files:
-    data = measured_data("picma")
-    if chosen.plant and data is None:
-        raise InputError(DATA_HINT)
+    measured = load(example_folder("picma"))
     recovered, covered = recovery(), coverage(chosen.draws, chosen.seed)
-    cases: list[tuple[str, Sequence[Record], Sequence[Record]]] = []
-    if data is not None:
-        measured = load(data)
-        cases.append(("picma", measured.train, measured.validation))
-    cases.append(("P10 with noise", records_of(P10, NOISE_UM, chosen.seed), ()))
+    cases: list[tuple[str, Sequence[Record], Sequence[Record]]] = [
+        ("picma", measured.train, measured.validation),
+        ("P10 with noise", records_of(P10, NOISE_UM, chosen.seed), ()),
+    ]
     with single_threaded() as pool:
         timed = pd.concat([pool.submit(speed, *case, chosen.rounds).result() for case in cases])
     tables = {
@@ -332,10 +329,9 @@ def _measure_all(chosen: Namespace) -> Files:
         "coverage": covered,
         "speed": timed,
     }
-    note = "" if data else f"The rows of the measured stack are left out. {DATA_HINT}."
-    text = as_markdown(tables, chosen.draws, chosen.rounds, note)
-    if chosen.plant and data is not None:
-        print(ship_plant(LIBRARY, data))
+    text = as_markdown(tables, chosen.draws, chosen.rounds)
+    if chosen.plant:
+        print(ship_plant(LIBRARY, measured))
     return {**{f"{name}.csv": table for name, table in tables.items()}, "identification.md": text}
 
 

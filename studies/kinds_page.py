@@ -5,24 +5,22 @@ The picture shows, for each kind, a large loop with small ones inside it.
 
 from __future__ import annotations
 
-import io
 import sys
 from argparse import Namespace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from rdpi_gym.measurement import stated_quantities
 from rdpi_gym.plant import CORES, MEASURED, Plant, PlantModel, named_plant
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.parameters import DataScale, Parameter
-from rdpi_gym.report.style import PALETTE, matplotlib_style
+from rdpi_gym.report.chart import Axis, Chart, Panel, Series
+from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.markdown import table
-from studies.png import small_png
+from studies.chromium import small_png
 from studies.runner import Files, Study
 
 OUT = Path(__file__).parents[1] / "docs"
@@ -120,7 +118,7 @@ def _plants() -> str:
         + table(["plant", "core and effects", "commands", "held out"], rows)
         + "\n\n"
         + "\n".join(f"- `{name}`: {source}." for name, source in sources.items())
-        + "\n\nOnly parameters ship, not the records. `python -m studies.core_plants` makes the files again from "
+        + "\n\nOf the records only the stack's ship. `python -m studies.core_plants` makes the files again from "
         "records in `$RDPI_DATA`.\n"
     )
 
@@ -136,24 +134,20 @@ def _command() -> Array:
 
 
 def _picture() -> bytes:
-    stream = io.BytesIO()
     u = _command()
-    with rc_context(matplotlib_style()):  # type: ignore[arg-type]
-        rows = -(-len(CORES) // _COLUMNS)
-        figure = Figure(figsize=(9.0, 2.8 * rows), layout="constrained")
-        axes = figure.subplots(rows, _COLUMNS).ravel()
-        for panel, kind in zip(axes, CORES.values(), strict=False):
-            core = kind.starts(_SCALE)[-1]
-            model = PlantModel(core, "shown", (-25.0, 25.0), (0.0, 10.0))
-            y = Plant(model, _TS_S * 20.0).simulate(u)
-            panel.plot(u, y, color=PALETTE[0], linewidth=1.2)
-            panel.set_title(kind.name)
-            panel.set_xlabel("Command (V)")
-            panel.set_ylabel("Displacement (µm)")
-        for panel in axes[len(CORES) :]:
-            panel.set_visible(False)
-        figure.savefig(stream, format="png", dpi=110)
-    return stream.getvalue()
+    panels = []
+    for place, kind in enumerate(CORES.values()):
+        core = kind.starts(_SCALE)[-1]
+        model = PlantModel(core, "shown", (-25.0, 25.0), (0.0, 10.0))
+        y = Plant(model, _TS_S * 20.0).simulate(u)
+        row, column = divmod(place, _COLUMNS)
+        panels.append(
+            Panel(
+                [Series(u, y)], Axis("Command (V)"), Axis("Displacement (µm)"), kind.name, row + 1,
+                column + 1,
+            )
+        )  # fmt: skip
+    return small_png(chart_png(Chart(panels), (9.0, 2.8 * panels[-1].row), 110))
 
 
 main = Study("kinds_page", __doc__, _files, OUT)

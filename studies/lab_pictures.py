@@ -1,8 +1,8 @@
 """Ten pictures of work in the laboratory, for its page in the docs: `python -m studies.lab_pictures`.
 
 The laboratory is started as a user starts it, its page is opened in a browser of 1280 by 720 points,
-and what is pressed is what a user presses: an exercise with two hidden effects, and where
-``RDPI_DATA`` names their folder the measured records of a PICMA stack.
+and what is pressed is what a user presses: an exercise with two hidden effects, and the measured
+records of a PICMA stack.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from typing import Any
 
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
-from studies.chromium import LabPage, LabProcess, chromium
-from studies.png import screen_png
+from studies.chromium import LabPage, LabProcess, chromium, screen_png
 
 OUT = Path(__file__).parents[1] / "docs" / "lab"
 EXERCISE, RECORD, MEASURED = "loops-open", "sine-50hz", "picma"

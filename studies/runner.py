@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import pandas as pd
 
 from benchmarks.rows import Keyed, run_rows
 from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.progress import progress_bar
@@ -68,6 +69,15 @@ class Study:
             path = write_atomic(chosen.out / name, content)
             if path.suffix == ".md":
                 print(content, f"written to {path}", sep="\n")
+
+
+def names_of(kind: str, asked: Sequence[str], known: Iterable[str]) -> list[str]:
+    """Return the names that are asked for, or all; refuse an unknown one."""
+    every = list(known)
+    for name in asked:
+        if name not in every:
+            raise InputError(f"no {kind} is named {name!r}; known are {', '.join(every)}")
+    return list(asked) or every
 
 
 C = TypeVar("C", bound=Keyed, contravariant=True)

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from baselines.learned.folder import CURVE
 from baselines.learned.imitation.rounds import Options as Teaching
 from baselines.learned.imitation.rounds import train
+from baselines.learned.options import CURVE
 from rdpi_gym.face.tasks import score_tasks
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError

@@ -1,7 +1,7 @@
 """Inverses of the effects that have a stable one, one effect a file.
 
 Effects in slot ``rate`` are not inverted but followed, ``congruency`` is inverted together with the
-plays (:mod:`baselines.inverses.congruency`), and ``initial_memory`` is set at the start.
+plays (:mod:`baselines.inverses.chain`), and ``initial_memory`` is set at the start.
 """
 
 from baselines.inverses.base import INVERSES, Inverse, Setting, inverse_of

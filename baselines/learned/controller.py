@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.base import Baseline
+from baselines.base import Baseline, Observation
 from baselines.lanes import Rows
 from baselines.learned import policy as networks
 from baselines.learned.envelope import MARGIN, QUANTITIES, Watch
@@ -99,9 +98,7 @@ class LearnedController(Baseline):
             return past
         return np.concatenate([past, self.baseline.start(reference_um)])
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Return the network's answer; see :meth:`baselines.base.Baseline.next_command`."""
         check_preview(self.layout, self.needed_preview)
         shown = np.ascontiguousarray(observation[:, self._columns], dtype=np.float32)
@@ -250,9 +247,7 @@ class Guarded(Baseline):
         taken: NDArray[np.bool_] = self.rows.of(state, "share")[0] > 0.0
         return taken
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Return the policy's command, or the fallback's; see :meth:`baselines.base.Baseline.next_command`."""
         of = self.rows.of
         share = of(state, "share")[0]
@@ -271,7 +266,7 @@ class Guarded(Baseline):
     def _alarm(
         self,
         command_V: Array,
-        observation: NDArray[np.floating[Any]],
+        observation: Observation,
         reference_um: Array,
         state: Array,
     ) -> NDArray[np.bool_]:

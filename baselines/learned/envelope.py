@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from baselines.base import Observation
 from rdpi_gym.envs.layout import DEFAULT_FIELDS, ObservationLayout
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite
@@ -30,17 +30,7 @@ class Watch:
     A policy knows what its training showed it. How fast the reference moves, how fast stage and
     command answer and how large the error is tells a loop from it before anything rings or ends at a
     limit: a student of a stage with damped modes leaves six to ten times its errors on one that has
-    a mode of its own.
-
-    Parameters
-    ----------
-    layout
-        Of the observations.
-
-    Attributes
-    ----------
-    rows : int
-        Rows of its memory: mean squares; reference, measured displacement and command before.
+    a mode of its own. Its memory: mean squares; reference, measured displacement and command before.
 
     Examples
     --------
@@ -66,37 +56,26 @@ class Watch:
         memory[len(QUANTITIES) :] = np.nan
         return memory
 
-    def take(self, memory: Array, observation: NDArray[np.floating[Any]]) -> Array:
+    def take(self, memory: Array, observation: Observation) -> Array:
         """Take one sample in, and return the averages."""
         means, before = memory[: len(QUANTITIES)], memory[len(QUANTITIES) :]
         now = np.asarray(observation, dtype=np.float64)[:, self._columns].T
         steps = np.nan_to_num(now - before)
-        told = np.stack([steps[0], now[0] - now[1], steps[1], steps[2]])
-        means += self._forgets * (told**2 - means)
+        quantities = np.stack([steps[0], now[0] - now[1], steps[1], steps[2]])
+        means += self._forgets * (quantities**2 - means)
         before[:] = now
         return np.asarray(np.sqrt(means))
 
 
 class EnvelopeRecorder:
-    """The largest averages over all loops of an evaluation.
-
-    Parameters
-    ----------
-    layout
-        Of the observations.
-
-    Attributes
-    ----------
-    largest
-        By :data:`QUANTITIES`.
-    """
+    """The largest averages over all loops of an evaluation."""
 
     def __init__(self, layout: ObservationLayout) -> None:
         self._watch = Watch(layout)
         self._memory: Array | None = None
         self._most = np.zeros(len(QUANTITIES))
 
-    def take(self, observation: NDArray[np.floating[Any]]) -> None:
+    def take(self, observation: Observation) -> None:
         """Take one sample of all loops in, ``(B, D)``."""
         if self._memory is None:
             self._memory = self._watch.start(len(observation))

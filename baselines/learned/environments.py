@@ -66,18 +66,7 @@ class Evaluation:
 
 
 class HeldOut:
-    """Held-out plants and references, the same at every evaluation.
-
-    Parameters
-    ----------
-    options
-        What they are drawn from.
-
-    Raises
-    ------
-    InputError
-        No environment can be made of the options.
-    """
+    """Held-out plants and references, the same at every evaluation."""
 
     def __init__(self, options: TrainingOptions) -> None:
         self._env = make_lanes(

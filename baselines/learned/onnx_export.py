@@ -261,15 +261,7 @@ def step_model(made: StudentController) -> Any:
 
 
 class _Step:
-    """The methods of the controller, each with what it changes of the memory.
-
-    Parameters
-    ----------
-    made
-        The controller.
-    reference, measured, applied
-        What is known: ``(batch, preview + 1)``, and ``(batch, 1)``.
-    """
+    """The methods of the controller, each with what it changes of the memory."""
 
     def __init__(
         self, made: StudentController, reference: Signal, measured: Signal, applied: Signal

@@ -32,12 +32,7 @@ class _Node:
 
 
 class Graph:
-    """Inputs, constants and nodes, in the order in which they were written.
-
-    Parameters
-    ----------
-    dtype
-        Type of inputs and outputs; numbers and arrays of other types become double constants.
+    """Inputs and outputs of a type, constants and nodes, in the order in which they were written.
 
     Examples
     --------

@@ -15,8 +15,7 @@ from torch import nn
 
 from baselines.learned.checkpoint import CheckpointContent, TrainingHooks
 from baselines.learned.environments import make_lanes
-from baselines.learned.folder import Run
-from baselines.learned.options import DivergedError
+from baselines.learned.options import DivergedError, Run
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation, layout_of
 from rdpi_gym.envs.wrappers.scaling import VectorScaledObservation
@@ -38,25 +37,7 @@ _ACTORS: Mapping[str, Callable[[Any], list[nn.Module]]] = {
 
 
 class StableBaselinesLearner:
-    """An algorithm of Stable-Baselines3 in lanes of plants: observations with history, scaled.
-
-    Parameters
-    ----------
-    run
-        The training, of one of :data:`ALGORITHMS`.
-
-    Attributes
-    ----------
-    model
-        The algorithm, its networks drawn from the run's seed.
-    env
-        What it learns in.
-
-    Raises
-    ------
-    InputError
-        The algorithm refuses the hyper-parameters.
-    """
+    """An algorithm of :data:`ALGORITHMS` in lanes of plants: observations with history, scaled."""
 
     def __init__(self, run: Run) -> None:
         options, settings = run.options, run.settings

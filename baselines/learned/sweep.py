@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from baselines.learned.folder import CONFIG, check_same, read_curve
-from baselines.learned.options import DivergedError, TrainingOptions
+from baselines.learned.options import CONFIG, DivergedError, TrainingOptions, check_same, read_curve
 from baselines.learned.settings import read_values, read_yaml
 from rdpi_gym.support.checks import is_finite, is_whole, shown
 from rdpi_gym.support.errors import InputError

@@ -16,8 +16,16 @@ from baselines import make_controller
 from baselines.learned.checkpoint import Learner, load_checkpoint, save_checkpoint
 from baselines.learned.controller import LearnedController
 from baselines.learned.environments import Evaluation, HeldOut
-from baselines.learned.folder import CHECKPOINT, CURVE, POLICY, Row, Run, begin_folder, curve_text
-from baselines.learned.options import TrainingOptions
+from baselines.learned.options import (
+    CHECKPOINT,
+    CURVE,
+    POLICY,
+    Row,
+    Run,
+    TrainingOptions,
+    begin_folder,
+    curve_text,
+)
 from baselines.learned.policy import Policy
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
@@ -27,22 +35,7 @@ _COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
 
 
 class Course:
-    """Course of a training: evaluation, best policy and checkpoint between two stretches.
-
-    Parameters
-    ----------
-    run
-        The training.
-    learner
-        What learns.
-    progress
-        Called as steps are done.
-
-    Attributes
-    ----------
-    rows
-        Of ``training.csv``, so far.
-    """
+    """Course of a training: evaluation, best policy and checkpoint between two stretches."""
 
     def __init__(self, run: Run, learner: Learner, progress: Progress | None) -> None:
         self.run, self.learner, self.progress = run, learner, progress
@@ -193,8 +186,8 @@ def trainer(algorithm: str) -> Trainer:
 
         return Trainer(rounds.Options, rounds.train)
     if algorithm == "native-ppo":
-        from baselines.learned.native.learner import NativeLearner
-        from baselines.learned.native.update import NativePPO
+        from baselines.learned.native_learner import NativeLearner
+        from baselines.learned.native_ppo import NativePPO
 
         def train_native(options: NativeOptions, progress: Progress | None = None) -> Path:
             run = Run.open(options, algorithm, NativePPO, samples=2 * options.episode)

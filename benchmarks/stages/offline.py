@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines import HORIZON_BOUND, Controller, TrueHorizon, make_controller
-from baselines.learned.folder import check_same
+from baselines.learned.options import check_same
 from rdpi_gym.envs.tasks import StageTask, named_task
 from rdpi_gym.envs.tasks.changing import ChangingPlant
 from rdpi_gym.envs.tasks.environment import TaskEnv

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from baselines import CONTROLLERS, make_controller
-from baselines.loops.certificates import Certificate
+from baselines.loops import Certificate
 from baselines.tuning import (
     Knob,
     Settings,

@@ -14,11 +14,10 @@ from baselines import FULL_PREVIEW, ControllerFactory, make_controller
 from benchmarks.tracking.controllers import Made, is_learned
 from benchmarks.tracking.episode import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
+from rdpi_gym.measurement import Dataset, Record, example_folder, load
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 
@@ -55,14 +54,7 @@ def score_measured(
     is free, the sensor's zero: the mean of what is measured above the belief's response to the
     applied voltage. It is taken out of the displacement before a controller sees it.
     """
-    folder = measured_data("picma")
-    if folder is None:
-        return no_scores(f"No scores on measured records. {DATA_HINT}")
-    try:
-        data = load(folder)
-    except InputError as error:
-        return no_scores(f"No scores on measured records: {error}")
-    return score_records(data, controllers, belief, factories)
+    return score_records(load(example_folder("picma")), controllers, belief, factories)
 
 
 def no_scores(note: str) -> MeasuredScores:

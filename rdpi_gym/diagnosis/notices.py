@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
-from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.documents import PLAIN, Document
 
 
 class Code(Enum):
@@ -97,6 +95,11 @@ class Statement:
     code: str
     values: Mapping[str, object] = field(default_factory=dict)
 
+    @classmethod
+    def from_dict(cls, document: Any, source: str) -> Statement:
+        """Build from a sentence of a file, which stays as it is."""
+        return cls("as written", {"text": PLAIN.read(str, document, source)})
+
 
 def statement(code: str, **values: object) -> Statement:
     """Return a statement."""
@@ -104,7 +107,7 @@ def statement(code: str, **values: object) -> Statement:
 
 
 @dataclass(frozen=True)
-class Notice:
+class Notice(Document):
     """A limit of the records, a reservation, or an advice.
 
     Parameters
@@ -130,33 +133,3 @@ class Notice:
     def again(self) -> float | None:
         """Times its own rate at which the first record is to be made again; None where it is not."""
         return _AGAIN.get(self.code)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the object of the files."""
-        return {
-            "code": self.code.value,
-            "names": list(self.names),
-            "numbers": list(self.numbers),
-        }
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Notice:
-        """Build from the object of the files.
-
-        Raises
-        ------
-        InputError
-            A code that is unknown.
-        """
-        code = fields.text("code")
-        if code not in {known.value for known in Code}:
-            raise InputError(f"{fields.source}: the code {quoted(code)} is unknown")
-        numbers = fields.raw("numbers")
-        listed = numbers if isinstance(numbers, list) else []
-        each = (Fields({"numbers": n}, fields.source).number("numbers") for n in listed)
-        return cls(Code(code), fields.texts("names"), tuple(each))
-
-    @classmethod
-    def optional(cls, fields: Fields, key: str) -> Notice | None:
-        """Build from an object within another; None where there is none."""
-        return None if fields.raw(key) is None else cls.from_fields(fields.inner(key))

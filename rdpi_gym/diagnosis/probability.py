@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
-from rdpi_gym.support.fields import Fields
+from rdpi_gym.support.documents import PLAIN, Document, stored
 from rdpi_gym.support.files import read_json
 
 FORMAT, VERSION = "rdpi-probabilities", 1
@@ -134,24 +134,16 @@ class Calibration:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file."""
-        return {"format": FORMAT, "version": VERSION, **asdict(self)}
+        return {"format": FORMAT, "version": VERSION, **PLAIN.write_fields(self)}
 
     @classmethod
     def load(cls, path: Path) -> Calibration:
         """Read what :meth:`to_dict` returns."""
-        fields = Fields(read_json(path, (FORMAT,), VERSION), str(path))
-        return cls(
-            named=fields.numbers("named"),
-            in_class=fields.numbers("in_class"),
-            unnamed=fields.numbers("unnamed"),
-            other=fields.numbers("other"),
-            none=fields.numbers("none"),
-            least=fields.number("least"),
-        )
+        return PLAIN.read_fields(cls, read_json(path, (FORMAT,), VERSION), str(path))
 
 
 @dataclass(frozen=True)
-class Probabilities:
+class Probabilities(Document):
     """Probabilities of effects, given the course of a search.
 
     Parameters
@@ -171,30 +163,9 @@ class Probabilities:
 
     effects: Mapping[str, float]
     classes: Mapping[str, float]
-    none: float
-    other: float
+    none: float = field(metadata=stored(NONE))
+    other: float = field(metadata=stored(OTHER))
     probable: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the object of the files."""
-        return {
-            "effects": dict(self.effects),
-            "classes": dict(self.classes),
-            NONE: self.none,
-            OTHER: self.other,
-            "probable": list(self.probable),
-        }
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Probabilities:
-        """Build from the object of the files."""
-        return cls(
-            fields.numbers("effects"),
-            fields.numbers("classes"),
-            fields.number(NONE),
-            fields.number(OTHER),
-            fields.texts("probable"),
-        )
 
 
 def probabilities(

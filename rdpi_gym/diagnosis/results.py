@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal
 
 from rdpi_gym.diagnosis.notices import Notice, statement
 from rdpi_gym.diagnosis.portrait.portrait import Portrait
@@ -17,10 +17,9 @@ from rdpi_gym.diagnosis.words import headline, request_of, sized, text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
+from rdpi_gym.support.documents import PLAIN, Document, at, stored
 from rdpi_gym.support.files import read_json, write_json
-from rdpi_gym.support.words import joined, quoted
+from rdpi_gym.support.words import joined
 
 Kind = Literal["diagnosis", "addition", "discovery", "removal"]
 """What was asked: one round of candidates, one effect on request, rounds until nothing helps, or an
@@ -33,12 +32,44 @@ FORMATS: Mapping[str, Kind] = {
     "rdpi-remove": "removal",
 }
 """Kinds by the format that their files state."""
+_Format = Literal["rdpi-diagnosis", "rdpi-add", "rdpi-discovery", "rdpi-remove"]
 VERSION = 1
-_INSTEAD = "validation_rmse_instead"
+_ORDER = [
+    "format",
+    "version",
+    "title",
+    "units",
+    "noise_floor",
+    "noise_origin",
+    "numerical_floor",
+    "given",
+    "base",
+    "final",
+    "headline",
+    "verdict",
+    "sampling",
+    "undecided",
+    "unexplained_rmse",
+    "remainder",
+    "left",
+    "portrait",
+    "probabilities",
+    "reservation",
+    "next_experiment",
+    "advice",
+    "indistinguishable",
+    "findings",
+    "limits",
+    "limit_notices",
+    "checks",
+    "seconds",
+    "core",
+]
+"""Keys of a file, before those that only some kinds have."""
 
 
 @dataclass(frozen=True)
-class Errors:
+class Errors(Document):
     """Errors of a model over the records of a data set, one offset free in each.
 
     Parameters
@@ -51,33 +82,14 @@ class Errors:
         Of every record (µm).
     """
 
-    train_rmse_um: float
-    validation_rmse_um: float
-    validation_nrmse_percent: float
-    by_record_um: Mapping[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the object of the files."""
-        return {
-            "train_rmse": _number(self.train_rmse_um),
-            "validation_rmse": _number(self.validation_rmse_um),
-            "validation_nrmse_percent": _number(self.validation_nrmse_percent),
-            "by_record": dict(self.by_record_um),
-        }
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Errors:
-        """Build from the object of the files; a null, of a refit that failed, is infinity."""
-        return cls(
-            fields.number("train_rmse", math.inf),
-            fields.number("validation_rmse", math.inf),
-            fields.number("validation_nrmse_percent", math.inf),
-            fields.numbers("by_record"),
-        )
+    train_rmse_um: float = field(metadata=stored("train_rmse", null=math.inf))
+    validation_rmse_um: float = field(metadata=stored("validation_rmse", null=math.inf))
+    validation_nrmse_percent: float = field(metadata=stored(null=math.inf))
+    by_record_um: Mapping[str, float] = field(metadata=stored("by_record"))
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(Document):
     """One effect, refitted together with the base model and what was added before.
 
     Parameters
@@ -110,52 +122,26 @@ class Candidate:
     """
 
     effect: str
-    errors: Errors
+    errors: Errors = field(metadata=stored(inline=True))
     parameters: Mapping[str, float]
     standard_errors: Mapping[str, float | None]
     confidence: float
-    share: float
+    share: float = field(metadata=stored("share_of_excess", null=-math.inf))
     indistinguishable: tuple[str, ...]
     evidence: str
     remarks: tuple[str, ...] = ()
     form: str = ""
-    without_um: float | None = None
-    instead: Mapping[str, float] = field(default_factory=dict)
+    without_um: float | None = field(default=None, metadata=stored("validation_rmse_without"))
+    instead: Mapping[str, float] = field(
+        default_factory=dict, metadata=stored("validation_rmse_instead")
+    )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""
-        return {
-            "effect": self.effect,
-            "form": self.form,
-            **self.errors.to_dict(),
-            "parameters": dict(self.parameters),
-            "standard_errors": dict(self.standard_errors),
-            "confidence": self.confidence,
-            "share_of_excess": _number(self.share),
-            "indistinguishable": list(self.indistinguishable),
-            "evidence": self.evidence,
-            "remarks": list(self.remarks),
-            "validation_rmse_without": self.without_um,
-            _INSTEAD: dict(self.instead),
-        }
+        return {"effect": self.effect, "form": self.form, **super().to_dict()}
 
-    @classmethod
-    def from_fields(cls, fields: Fields, errors: Errors | None = None) -> Candidate:
-        """Build from the object of the files, with `errors` where they stand elsewhere."""
-        return cls(
-            fields.text("effect"),
-            Errors.from_fields(fields) if errors is None else errors,
-            fields.numbers("parameters"),
-            fields.optional_numbers("standard_errors"),
-            fields.number("confidence"),
-            fields.number("share_of_excess", -math.inf),
-            fields.texts("indistinguishable"),
-            fields.text("evidence"),
-            fields.texts("remarks"),
-            fields.optional_text("form") or "",
-            fields.optional_number("validation_rmse_without"),
-            fields.numbers(_INSTEAD) if fields.raw(_INSTEAD) else {},
-        )
+
+_Rounds = tuple[tuple[Candidate, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -187,7 +173,7 @@ def steps_of(added: Iterable[Candidate]) -> tuple[Step, ...]:
 
 
 @dataclass(frozen=True)
-class Left:
+class Left(Document):
     """Share of the residual of a model that follows from the input.
 
     Parameters
@@ -210,25 +196,9 @@ class Left:
     hidden_um: float
     left_um: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the object of the files."""
-        return asdict(self)
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Left:
-        """Build from the object of the files."""
-        return cls(
-            fields.number("share"),
-            fields.number("low"),
-            fields.number("high"),
-            fields.optional_number("repeats"),
-            fields.number("hidden_um"),
-            fields.number("left_um"),
-        )
-
 
 @dataclass(frozen=True)
-class CoreChoice:
+class CoreChoice(Document):
     """Kind of hysteresis of a model, and how it was chosen.
 
     Parameters
@@ -271,24 +241,6 @@ class CoreChoice:
         if self.alike:
             parts.append(statement("core/alike", cores=joined(self.alike)))
         return f"{''.join(map(text_of, parts))}."
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the object of the files."""
-        advice = None if self.advice is None else self.advice.to_dict()
-        return asdict(self) | {"alike": list(self.alike), "advice": advice}
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> CoreChoice:
-        """Build from the object of the files."""
-        clockwise = fields.raw("clockwise")
-        return cls(
-            fields.text("kind"),
-            fields.texts("alike"),
-            fields.optional_number("confidence"),
-            fields.optional_text("experiment"),
-            None if clockwise is None else bool(clockwise),
-            Notice.optional(fields, "advice"),
-        )
 
 
 @dataclass(frozen=True)
@@ -390,13 +342,13 @@ class SearchResult:
         of files that hold the texts alone.
     """
 
-    kind: Kind
+    kind: Kind = field(metadata=stored(omitted=True))
     title: str
-    plant: PlantModel[Any]
-    steps: tuple[Step, ...]
-    rounds: tuple[tuple[Candidate, ...], ...]
+    plant: PlantModel[Any] = field(metadata=stored("model"))
+    steps: tuple[Step, ...] = field(metadata=stored(omitted=True))
+    rounds: tuple[tuple[Candidate, ...], ...] = field(metadata=stored(omitted=True))
     removed: tuple[str, ...]
-    noise_floor_um: float
+    noise_floor_um: float = field(metadata=stored("noise_floor"))
     noise_origin: str
     base: Errors
     final: Errors
@@ -404,15 +356,15 @@ class SearchResult:
     verdict: Verdict
     sampling: str | None
     undecided: str | None
-    unexplained_rmse_um: float
+    unexplained_rmse_um: float = field(metadata=stored("unexplained_rmse"))
     remainder: str
     next_experiment: str | None
     indistinguishable: tuple[tuple[str, ...], ...]
     checks: tuple[str, ...]
-    views: tuple[View, ...]
+    views: tuple[View, ...] = field(metadata=stored(omitted=True))
     seconds: float
     notes: tuple[str, ...] = ()
-    numerical_floor_um: float = 0.0
+    numerical_floor_um: float = field(default=0.0, metadata=stored("numerical_floor", null=0.0))
     left: Left | None = None
     portrait: Portrait | None = None
     findings: tuple[Finding, ...] = ()
@@ -455,39 +407,15 @@ class SearchResult:
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``diagnosis.json``, ``add.json``, ``discovery.json``."""
         names = {kind: name for name, kind in FORMATS.items()}
-        document: dict[str, Any] = {
+        quantities = self.quantities
+        stated = PLAIN.write_fields(self) | {
             "format": names[self.kind],
             "version": VERSION,
-            "title": self.title,
-            "units": {"error": "um"} if self.quantities.are_standard else self.quantities.units,
-            "noise_floor": self.noise_floor_um,
-            "noise_origin": self.noise_origin,
-            "numerical_floor": self.numerical_floor_um,
-            "given": None if self.given is None else self.given.to_dict(),
-            "base": self.base.to_dict(),
-            "final": self.final.to_dict(),
+            "units": {"error": "um"} if quantities.are_standard else quantities.units,
             "headline": self.headline,
-            "verdict": self.verdict,
-            "sampling": self.sampling,
-            "undecided": self.undecided,
-            "unexplained_rmse": self.unexplained_rmse_um,
-            "remainder": self.remainder,
-            "left": None if self.left is None else self.left.to_dict(),
-            "portrait": None if self.portrait is None else self.portrait.to_dict(),
-            "probabilities": None if self.probabilities is None else self.probabilities.to_dict(),
-            "reservation": None if self.reservation is None else self.reservation.to_dict(),
-            "next_experiment": self.next_experiment,
-            "advice": None if self.advice is None else self.advice.to_dict(),
-            "indistinguishable": [list(group) for group in self.indistinguishable],
-            "findings": [finding.to_dict() for finding in self.findings],
-            "limits": list(self.limits),
-            "limit_notices": [notice.to_dict() for notice in self.limit_notices],
-            "checks": list(self.checks),
-            "seconds": self.seconds,
-            "core": self.core.to_dict(),
         }
-        steps = [candidate.to_dict() for candidate in self.added]
-        rounds = [[candidate.to_dict() for candidate in tried] for tried in self.rounds]
+        document = {key: stated[key] for key in _ORDER}
+        steps, rounds = PLAIN.write(self.added), PLAIN.write(self.rounds)
         if self.kind == "diagnosis":
             document["candidates"] = rounds.pop(0) if rounds else []
             document["chosen"] = [candidate.effect for candidate in self.added]
@@ -497,15 +425,11 @@ class SearchResult:
             document["before"], document["after"] = document.pop("base"), {}
             document |= steps.pop()
             document["after"] = {key: document.pop(key) for key in self.base.to_dict()}
-        if not self.quantities.are_standard:
-            document["quantities"] = self.quantities.to_dict()
-        return document | {
-            "steps": steps,
-            "removed": list(self.removed),
-            "notes": list(self.notes),
-            "rounds": rounds,
-            "model": self.plant.to_dict(),
-        }
+        if not quantities.are_standard:
+            document["quantities"] = stated["quantities"]
+        removed, notes, model = (stated[key] for key in ("removed", "notes", "model"))
+        tail = {"steps": steps, "removed": removed, "notes": notes, "rounds": rounds}
+        return document | tail | {"model": model}
 
     def save(self, path: Path | str) -> Path:
         """Write the result as JSON, whole or not at all; the records of the figures are left out.
@@ -544,68 +468,19 @@ class SearchResult:
         InputError
             A field is missing or has another type than it must.
         """
-        fields = Fields(document, source)
-        kind = FORMATS.get(fields.text("format"))
-        verdict = fields.text("verdict")
-        if kind is None or verdict not in get_args(Verdict):
-            raise InputError(
-                f"{source} has the format {quoted(fields.text('format'))} and the verdict {quoted(verdict)}; "
-                f"expected one of {', '.join(FORMATS)} and one of {', '.join(get_args(Verdict))}"
-            )
-        one = kind == "addition"  # its one effect stands in the document itself
-        added = (
-            (Candidate.from_fields(fields, Errors.from_fields(fields.inner("after"))),)
-            if one
-            else tuple(Candidate.from_fields(step) for step in fields.objects("steps"))
+        whole = {**PLAIN.read(Mapping[str, Any], document, source)}
+        kind = FORMATS[PLAIN.read(_Format, whole.get("format"), at(source, "format"))]
+        if kind == "addition":  # its one effect stands in the document itself
+            after = PLAIN.read(Mapping[str, Any], whole.get("after"), at(source, "after"))
+            added: tuple[Candidate, ...] = (Candidate.from_dict({**whole, **after}, source),)
+            whole |= {"base": whole.get("before"), "indistinguishable": whole.get("classes", [])}
+        else:
+            added = PLAIN.read(tuple[Candidate, ...], whole.get("steps", []), at(source, "steps"))
+        rounds = [
+            *PLAIN.read(_Rounds, [whole.get("candidates", [])], at(source, "candidates")),
+            *PLAIN.read(_Rounds, whole.get("rounds", []), at(source, "rounds")),
+        ]
+        given = {"kind": kind, "steps": steps_of(added), "views": ()}
+        return PLAIN.read_fields(
+            cls, whole, source, {**given, "rounds": tuple(rounds if rounds[0] else rounds[1:])}
         )
-        rounds = [tuple(map(Candidate.from_fields, tried)) for tried in fields.lists("rounds")]
-        first = tuple(map(Candidate.from_fields, fields.objects("candidates")))
-        given = fields.raw("given")
-        return cls(
-            kind=kind,
-            title=fields.text("title"),
-            plant=PlantModel.from_dict(fields.inner("model").document, f"{source}, model"),
-            steps=steps_of(added),
-            rounds=(first, *rounds) if first else tuple(rounds),
-            removed=fields.texts("removed"),
-            noise_floor_um=fields.number("noise_floor"),
-            noise_origin=fields.text("noise_origin"),
-            numerical_floor_um=fields.optional_number("numerical_floor") or 0.0,
-            base=Errors.from_fields(fields.inner("before" if one else "base")),
-            final=Errors.from_fields(fields.inner("final")),
-            given=None if given is None else Errors.from_fields(fields.inner("given")),
-            verdict=cast("Verdict", verdict),
-            sampling=fields.optional_text("sampling"),
-            undecided=fields.optional_text("undecided"),
-            unexplained_rmse_um=fields.number("unexplained_rmse"),
-            remainder=fields.text("remainder"),
-            left=None if fields.raw("left") is None else Left.from_fields(fields.inner("left")),
-            portrait=None
-            if document.get("portrait") is None
-            else Portrait.from_fields(fields.inner("portrait")),
-            next_experiment=fields.optional_text("next_experiment"),
-            indistinguishable=fields.groups("classes" if one else "indistinguishable"),
-            findings=tuple(map(Finding.from_fields, fields.objects("findings"))),
-            limits=fields.texts("limits"),
-            probabilities=Probabilities.from_fields(fields.inner("probabilities"))
-            if document.get("probabilities") is not None
-            else None,
-            checks=fields.texts("checks"),
-            views=(),
-            seconds=fields.number("seconds"),
-            notes=fields.texts("notes"),
-            quantities=Quantities.from_fields(fields.inner("quantities"))
-            if "quantities" in document
-            else Quantities(),
-            core=CoreChoice.from_fields(fields.inner("core"))
-            if "core" in document
-            else CoreChoice(RDPI.name),
-            reservation=Notice.optional(fields, "reservation"),
-            advice=Notice.optional(fields, "advice"),
-            limit_notices=tuple(map(Notice.from_fields, fields.objects("limit_notices"))),
-        )
-
-
-def _number(value: float) -> float | None:
-    """Return a number that JSON has: None for a candidate without a refit."""
-    return value if math.isfinite(value) else None

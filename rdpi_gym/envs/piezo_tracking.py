@@ -268,7 +268,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         chosen = read_options(options)
         super().reset(seed=None if seed is None else int(seed))
         plant_seed, reference_seed, noise_seed = self.np_random.integers(2**63, size=3).tolist()
-        truth = self.truths.draw(np.random.default_rng(plant_seed), chosen, self.layout)
+        truth = self.truths.draw(plant_seed, chosen, self.layout)
         signal = self.references.draw(
             np.random.default_rng(reference_seed),
             chosen.get("reference"),
@@ -280,7 +280,10 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self._task, self.truth = self._track(truth), truth
         self.signal, self._known = signal, known
         self._k = self._saturated = 0
-        observation = self._task.reset(reference, [self._noise(np.random.default_rng(noise_seed))])
+        noise = None
+        if truth.sensor.noise_um:
+            noise = [self._noise(np.random.default_rng(noise_seed))]
+        observation = self._task.reset(reference, noise)
         if self._correction is not None:
             self._correction.reset(reference, observation)
         if self._figure is not None:

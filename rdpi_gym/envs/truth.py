@@ -175,13 +175,14 @@ class TruthSource:
         margin = _MARGIN_WITH_EFFECTS if self.nominal.effects else _MARGIN
         return margin * (1.0 + self.half_width) * farthest_um(self.nominal, layout)
 
-    def draw(
-        self, rng: np.random.Generator, options: Mapping[str, Any], layout: ObservationLayout
-    ) -> PlantModel:
+    def draw(self, seed: int, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel:
         """Return the plant of an episode: what the options say, else one drawn about the nominal."""
         model = self.given(options, layout)
         if model is not None:
             return model
+        if self.half_width == self.effects_half_width == 0.0:
+            return self.nominal
+        rng = np.random.default_rng(seed)
         model = randomise_plant(self.nominal, self.half_width, rng)
         return randomise_effects(model, self.effects_half_width, rng)
 

@@ -16,6 +16,7 @@ from rdpi_gym.face.comparison import compare as compare
 from rdpi_gym.face.comparison import inspect as inspect
 from rdpi_gym.face.comparison import respond as respond
 from rdpi_gym.face.data import Dataset as Dataset
+from rdpi_gym.face.data import example as example
 from rdpi_gym.face.data import load as load
 from rdpi_gym.face.display import Result as Result
 from rdpi_gym.face.experiment import PlannedExperiment as PlannedExperiment

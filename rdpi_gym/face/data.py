@@ -282,3 +282,36 @@ def load(
     # an empty text is not the current folder
     found = [each if isinstance(each, str) else Path(each) for each in paths]
     return Dataset.of(measurement.load(found, options))
+
+
+def example(name: str = "picma") -> Dataset:
+    """Read a measurement that ships with the package.
+
+    Parameters
+    ----------
+    name
+        ``picma``: voltage (V) and displacement (µm) of a PICMA P-885.91 stack in a flexure, 1 Hz sines
+        and nested loops, sampled at 200 Hz; one record to fit and one to validate on.
+
+    Returns
+    -------
+    Dataset
+        The records, as :func:`load` reads them.
+
+    Raises
+    ------
+    InputError
+        No measurement of that name ships.
+
+    Notes
+    -----
+    Y. N. Aye, W. T. Ang, ICSTSD 2018; repository yan9a/DiscreteBacklashOperator, MIT licence.
+
+    Examples
+    --------
+    >>> import rdpi_gym as rg
+    >>> rg.example("picma").summary
+    'PICMA P-885.91 stack, 1 Hz, 200 Hz sampling: 2 records, 21,782 samples; 1 to fit, 1 to validate on'
+    """
+    check_type(name, str, "example: name")
+    return Dataset.of(measurement.load(measurement.example_folder(name)))

@@ -10,10 +10,10 @@ import io
 import json
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, cast, get_args, get_origin
 
-import cattrs
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ from rdpi_gym.diagnosis.checks import Check
 from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
+from rdpi_gym.support.documents import Documents
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import exists, parse_json, write_atomic
 from rdpi_gym.support.npz import Npz, open_npz
 from rdpi_gym.support.words import quoted, some
@@ -32,6 +32,8 @@ FORMAT, VERSION = "rdpi-result", 1
 ENDING = ".npz"
 _DOCUMENT = "document"
 R = TypeVar("R")
+_OWN = (PlantModel, Effect, Check, Finding)
+"""Classes that write and read themselves: their files and their sentences are those of a release."""
 
 
 def write_result(path: Path | str, kind: str, result: Any) -> Path:
@@ -53,15 +55,15 @@ def write_result(path: Path | str, kind: str, result: Any) -> Path:
     """
     if Path(path).suffix.lower() != ENDING:
         raise InputError(f"{path}: a result is saved to a file that ends in {ENDING}")
-    arrays: dict[str, NDArray[Any]] = {}
+    writer = _Archive()
     document = {
         "format": FORMAT,
         "version": VERSION,
         "kind": kind,
-        "result": _json(_writer(arrays).unstructure(result, unstructure_as=type(result))),
+        "result": writer.write(result),
     }
     text = json.dumps(document, ensure_ascii=False, allow_nan=False).encode()
-    members: dict[str, Any] = {_DOCUMENT: np.frombuffer(text, dtype=np.uint8), **arrays}
+    members: dict[str, Any] = {_DOCUMENT: np.frombuffer(text, dtype=np.uint8), **writer.arrays}
     stream = io.BytesIO()
     np.savez(stream, **members)
     return write_atomic(path, stream.getvalue())
@@ -91,7 +93,7 @@ def read_result(path: Path | str, kinds: Mapping[str, type[R]]) -> R:
             kind = str(document.get("kind"))
             if kind not in kinds:
                 raise InputError(f"it holds a {quoted(kind)}; expected {some(kinds)}")
-            return _reader(archive).structure(document.get("result"), kinds[kind])
+            return _Archive(archive).read_fields(kinds[kind], document.get("result"), str(source))
     except InputError as error:
         said = str(error)
         raise (error if said.startswith(str(source)) else InputError(f"{source}: {said}")) from None
@@ -118,119 +120,91 @@ def _document(source: Path, archive: Npz) -> dict[str, Any]:
     return document
 
 
-def _json(value: Any) -> Any:
-    """Return a value as JSON has it: a number that is not finite is text."""
-    if isinstance(value, dict):
-        return {key: _json(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_json(each) for each in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+class _Archive(Documents):
+    """Writer and reader of results whose arrays stand beside the document, under a name each."""
 
+    strict = True
+    has_forms = False
 
-def _writer(arrays: dict[str, NDArray[Any]]) -> cattrs.Converter:
-    """Return a converter of dataclasses that leaves a name in place of each array."""
-    converter = cattrs.Converter()
+    def __init__(self, archive: Npz | None = None) -> None:
+        self.arrays: dict[str, NDArray[Any]] = {}
+        self._archive = archive
 
-    def keep(array: NDArray[Any]) -> str:
-        name = f"a{len(arrays)}"
-        arrays[name] = array
+    def write(self, value: Any, hint: Any = Any) -> Any:
+        if _is_code(hint):  # a user's own is not saved
+            return None
+        if isinstance(value, np.ndarray):
+            return self._keep(value)
+        if isinstance(value, pd.DataFrame):
+            return {"rows": len(value), "columns": [self._column(value[n]) for n in value.columns]}
+        if isinstance(value, _OWN):
+            return self.write(value.to_dict())
+        if is_dataclass(value):
+            return self.write_fields(value)
+        if isinstance(value, np.generic):
+            value = value.item()
+        if isinstance(value, float) and not math.isfinite(value):
+            return str(value)
+        return super().write(value)
+
+    def _keep(self, array: NDArray[Any]) -> str:
+        name = f"a{len(self.arrays)}"
+        self.arrays[name] = array
         return name
 
-    def keep_table(table: pd.DataFrame) -> dict[str, Any]:
-        columns = []
-        for name in table.columns:
-            values = table[name]
-            if values.dtype.kind in "iufb":
-                column: dict[str, Any] = {"array": keep(values.to_numpy())}
-            else:
-                cells = [None if cell is pd.NA else cell for cell in values]
-                column = {"cells": cells, "text": isinstance(values.dtype, pd.StringDtype)}
-            columns.append({"name": str(name), **column})
-        return {"rows": len(table), "columns": columns}
+    def _column(self, values: pd.Series[Any]) -> dict[str, Any]:
+        if values.dtype.kind in "iufb":
+            return {"name": str(values.name), "array": self._keep(values.to_numpy())}
+        cells = self.write([None if cell is pd.NA else cell for cell in values])
+        is_text = isinstance(values.dtype, pd.StringDtype)
+        return {"name": str(values.name), "cells": cells, "text": is_text}
 
-    converter.register_unstructure_hook_func(_is_array, keep)
-    converter.register_unstructure_hook(pd.DataFrame, keep_table)
-    converter.register_unstructure_hook_func(_is_plant, lambda plant: plant.to_dict())
-    converter.register_unstructure_hook(Effect, lambda effect: effect.to_dict())
-    # their sentences, in the words of this release
-    for kind in (Check, Finding):
-        converter.register_unstructure_hook(kind, kind.to_dict)
-    # a user's own code is not saved
-    converter.register_unstructure_hook_func(_is_classes, lambda classes: None)
-    converter.register_unstructure_hook_func(_is_functions, lambda functions: None)
-    return converter
+    def read(self, hint: Any, document: Any, source: str) -> Any:
+        kind = get_origin(hint) or hint
+        if _is_code(hint):
+            return kind() if kind is tuple else {}
+        if kind is np.ndarray:
+            # NDArray[np.float64] is ndarray[shape, dtype[float64]]
+            kinds = [get_args(each) for each in get_args(hint)[1:]]
+            return self._array(document).astype(kinds[0][0], casting="same_kind", copy=False)
+        if kind is pd.DataFrame:
+            return self._table(document)
+        if kind is Effect:
+            return effect_from_dict(CATALOGUE, document, source)
+        if kind in _OWN:
+            return kind.from_dict(document, source)
+        if kind is float and isinstance(document, str):
+            return float(document)
+        if is_dataclass(kind):
+            return self.read_fields(cast(type[Any], kind), document, source)
+        return super().read(hint, document, source)
 
-
-def _reader(archive: Npz) -> cattrs.Converter:
-    """Return a converter that builds what the annotations say, and takes arrays from an archive."""
-    converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=False)
-
-    def kept_array(name: str, hint: Any) -> NDArray[Any]:
-        array = archive.read(name)
+    def _array(self, name: str) -> NDArray[Any]:
+        assert self._archive is not None
+        array = self._archive.read(name)
         if array.dtype.kind not in "biuf":
             raise ValueError(f"{quoted(name)} is an array of {array.dtype}; arrays hold numbers")
-        # NDArray[np.float64] is ndarray[shape, dtype[float64]]
-        kinds = [get_args(each) for each in get_args(hint)[1:]]
-        return array.astype(kinds[0][0], casting="same_kind", copy=False) if kinds else array
+        return array
 
-    def kept_column(column: Any) -> Any:
-        if "array" in column:
-            return kept_array(column["array"], np.ndarray)
-        if not all(type(cell) in (str, int, float, bool, type(None)) for cell in column["cells"]):
-            raise ValueError("a cell of a table is neither text nor a number")
-        return pd.Series(column["cells"], dtype=str if column["text"] else object)
-
-    def kept_table(document: Any, _: Any) -> pd.DataFrame:
-        columns = {column["name"]: kept_column(column) for column in document["columns"]}
+    def _table(self, document: Any) -> pd.DataFrame:
+        columns: dict[str, Any] = {}
+        for column in document["columns"]:
+            cells = column.get("cells", ())
+            if not all(type(cell) in (str, int, float, bool, type(None)) for cell in cells):
+                raise ValueError("a cell of a table is neither text nor a number")
+            columns[column["name"]] = (
+                self._array(column["array"])
+                if "array" in column
+                else pd.Series(cells, dtype=str if column["text"] else object)
+            )
         rows = document["rows"] if columns else 0
         if any(np.shape(values) != (rows,) for values in columns.values()):
             raise ValueError(f"a table of {quoted(rows)} rows has columns of other lengths")
         return pd.DataFrame(columns, index=pd.RangeIndex(rows))
 
-    converter.register_structure_hook_func(_is_array, kept_array)
-    converter.register_structure_hook(pd.DataFrame, kept_table)
-    converter.register_structure_hook_func(
-        _is_plant, lambda document, _: PlantModel.from_dict(document, "plant")
-    )
-    converter.register_structure_hook(
-        Effect, lambda document, _: effect_from_dict(CATALOGUE, document, "effect")
-    )
-    converter.register_structure_hook(
-        Check, lambda document, _: Check.from_fields(Fields(document, "check"))
-    )
-    converter.register_structure_hook(
-        Finding, lambda document, _: Finding.from_fields(Fields(document, "finding"))
-    )
-    converter.register_structure_hook_func(_is_classes, lambda nothing, _: ())
-    converter.register_structure_hook_func(_is_functions, lambda nothing, _: {})
-    for kind in (str, int, float, bool):
-        converter.register_structure_hook(kind, _exactly)
-    return converter
 
-
-def _is_plant(hint: Any) -> bool:
-    # with any hysteresis core: PlantModel[...] too
-    return hint is PlantModel or get_origin(hint) is PlantModel
-
-
-def _is_array(hint: Any) -> bool:
-    return hint is np.ndarray or get_origin(hint) is np.ndarray
-
-
-def _is_classes(hint: Any) -> bool:
-    return get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is type
-
-
-def _is_functions(hint: Any) -> bool:
-    return get_origin(hint) is Mapping and get_origin(get_args(hint)[1]) is Callable
-
-
-def _exactly(value: Any, kind: type) -> Any:
-    """Return a value of the type that is expected; a key of a JSON object is always text."""
-    if kind is float and type(value) in (int, float, str):
-        return float(value)
-    if type(value) is not kind:
-        raise ValueError(f"{quoted(value)} where a {kind.__name__} is expected")
-    return value
+def _is_code(hint: Any) -> bool:
+    """Whether an annotation is of classes, or of functions by name."""
+    parts = get_args(hint)
+    inner = get_origin(parts[-1] if get_origin(hint) is Mapping else parts[0]) if parts else None
+    return inner is type or inner is Callable

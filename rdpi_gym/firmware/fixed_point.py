@@ -24,6 +24,7 @@ from baselines.classical import (
     ClassicalStatic,
     pack_inverse,
 )
+from baselines.feedforward import StaticGain
 from baselines.inversion_free import (
     InversionFree,
     InversionFreeLiteral,
@@ -32,7 +33,6 @@ from baselines.inversion_free import (
     StaticInverseMultiplicative,
 )
 from baselines.pi import PI
-from baselines.static_gain import StaticGain
 from rdpi_gym.firmware.writing.templating import helpers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError

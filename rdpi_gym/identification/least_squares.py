@@ -41,8 +41,9 @@ _BLOCK, _PRODUCT = 512, 200_000
 @njit(cache=True)
 def _thresholds(delta1: float, n: int) -> Array:
     """r_i at rest (V), filled up to whole vectors with plays that never move."""
-    rest = np.full(-(-n // _VECTOR) * _VECTOR, np.inf)
-    rest[:n] = delta1 * np.arange(1, n + 1)
+    rest = np.empty(-(-n // _VECTOR) * _VECTOR)
+    for i in range(rest.shape[0]):
+        rest[i] = delta1 * (i + 1) if i < n else np.inf
     return rest
 
 
@@ -98,7 +99,9 @@ def _fill_tangents(
     u, v, y, root = stack.u_V, stack.rate_V_s, stack.y_um, stack.root_weight
     by1, by2, by3 = by
     n = rows.shape[1] - 6
-    order = np.arange(1.0, rest.shape[0] + 1.0)
+    order = np.empty(rest.shape[0])
+    for i in range(rest.shape[0]):
+        order[i] = i + 1.0
     remembers = True  # until no play stands where the extremum left it
     k = 0
     while t < end and k < rows.shape[0]:
@@ -154,6 +157,13 @@ def _centre(moments: Array, gram: Array, means: Array) -> None:
 
 
 @njit(cache=True)
+def _add(sums: Array, part: Array) -> None:
+    for i in range(sums.shape[0]):
+        for j in range(sums.shape[1]):
+            sums[i, j] += part[i, j]
+
+
+@njit(cache=True)
 def gram_matrices(
     stack: Stack, n: int, delta1: float, delta2: float, extrema: Array
 ) -> tuple[Array, Array]:
@@ -168,7 +178,7 @@ def gram_matrices(
         t = stack.edges[r]
         while t < stack.edges[r + 1]:
             t, k = _fill(stack, t, stack.edges[r + 1], rest, delta2, xi, rows)
-            moments += np.dot(rows[:k].T, rows[:k])
+            _add(moments, np.dot(rows[:k].T, rows[:k]))
         _centre(moments, gram[r], means[r])
     return gram, means
 
@@ -182,7 +192,8 @@ def tangent_matrices(
     gram, means = np.zeros((records, n + 5, n + 5)), np.zeros((records, n + 5))
     rest, rows = _thresholds(delta1, n), _rows(n + 6)
     xi, padded = np.empty_like(rest), np.zeros_like(rest)
-    padded[:n] = weights[1:]
+    for i in range(n):
+        padded[i] = weights[i + 1]
     by = (np.zeros_like(rest), np.zeros_like(rest), np.zeros_like(rest))
     for r in range(records):
         _initial_memory(rest, extrema[r], xi)
@@ -194,7 +205,7 @@ def tangent_matrices(
         t = stack.edges[r]
         while t < stack.edges[r + 1]:
             t, k = _fill_tangents(stack, t, stack.edges[r + 1], rest, delta2, padded, xi, by, rows)
-            moments += np.dot(rows[:k].T, rows[:k])
+            _add(moments, np.dot(rows[:k].T, rows[:k]))
         _centre(moments, gram[r], means[r])
     return gram, means
 
@@ -265,28 +276,35 @@ def bounded_least_squares(
         for j in range(k):
             scaled[i, j] = gram[i, j] * scale[i] * scale[j]
         target[i] = (rhs[i] - gram[i, 0] * floor) * scale[i]
-    size = np.max(np.abs(target))
-
-    x = np.zeros(k)
-    usable = allowed & (scale > 0.0)
-    passive = usable & guess
+    size = 0.0
+    x, index = np.zeros(k), np.empty(k, dtype=np.int64)
+    usable, passive = np.empty(k, dtype=np.bool_), np.empty(k, dtype=np.bool_)
+    for i in range(k):
+        size = max(size, abs(target[i]))
+        usable[i] = allowed[i] and scale[i] > 0.0
+        passive[i] = usable[i] and guess[i]
     entering = -1
     for _ in range(10 * k):
         while True:
-            index = np.flatnonzero(passive)
-            solved, trial = _solve_passive(scaled, target, index)
+            free = 0
+            for i in range(k):
+                if passive[i]:
+                    index[free] = i
+                    free += 1
+            solved, trial = _solve_passive(scaled, target, index[:free])
             if not solved:
                 if entering < 0:
-                    passive[:] = False
+                    for i in range(k):
+                        passive[i] = False
                 else:
                     passive[entering] = usable[entering] = False
                 break
             step = 1.0
-            for m in range(index.shape[0]):
+            for m in range(free):
                 if trial[m] <= 0.0:
                     now = x[index[m]]
                     step = min(step, now / (now - trial[m]) if now > trial[m] else 0.0)
-            for m in range(index.shape[0]):
+            for m in range(free):
                 i = index[m]
                 x[i] += step * (trial[m] - x[i])
                 if trial[m] <= 0.0 and x[i] <= 1e-15 * size:
@@ -308,7 +326,8 @@ def bounded_least_squares(
         if entering < 0:
             break
         passive[entering] = True
-    x *= scale
+    for i in range(k):
+        x[i] *= scale[i]
     x[0] += floor
     return x, passive
 

@@ -61,15 +61,18 @@ def moving_plays(gram: Array, motion: float) -> BoolArray:
 @njit(cache=True)
 def project(gram: Array, bounds: Bounds) -> tuple[Array, BoolArray, float]:
     """Best weights for the Gram matrices of the records, which of them are free, and the cost."""
-    total = np.sum(gram, axis=0)
-    k = total.shape[0] - 1
+    k = gram.shape[1] - 1
+    total, rhs, cost = np.zeros((k, k)), np.zeros(k), 0.0
+    for r in range(gram.shape[0]):
+        for i in range(k):
+            rhs[i] += gram[r, i, k]
+            for j in range(k):
+                total[i, j] += gram[r, i, j]
+        cost += gram[r, k, k]
     allowed = moving_plays(gram, bounds.motion)
-    weights, passive = bounded_least_squares(
-        total[:k, :k].copy(), total[:k, k].copy(), allowed, bounds.a0, allowed
-    )
-    cost = total[k, k]
+    weights, passive = bounded_least_squares(total, rhs, allowed, bounds.a0, allowed)
     for i in range(k):
-        cost -= 2.0 * weights[i] * total[i, k]
+        cost -= 2.0 * weights[i] * rhs[i]
         for j in range(k):
             cost += weights[i] * weights[j] * total[i, j]
     return weights, passive, max(cost, 0.0)
@@ -124,8 +127,11 @@ def normal_equations(tangents: Array, weights: Array) -> tuple[Array, Array]:
 def _step(matrix: Array, gradient: Array, free: BoolArray, nonlinear: int, damping: float) -> Array:
     """Gauss-Newton step over the free parameters; the first `nonlinear` of them are damped."""
     step = np.zeros(gradient.shape[0])
-    index = np.flatnonzero(free & (np.diag(matrix) > 0.0))
-    k = index.shape[0]
+    index, k = np.empty(gradient.shape[0], dtype=np.int64), 0
+    for i in range(gradient.shape[0]):
+        if free[i] and matrix[i, i] > 0.0:
+            index[k] = i
+            k += 1
     scale, rhs, scaled = np.empty(k), np.empty(k), np.empty((k, k))
     for i in range(k):
         scale[i] = 1.0 / np.sqrt(matrix[index[i], index[i]])
@@ -155,23 +161,29 @@ def refine(
     low, high = np.empty(nonlinear), np.empty(nonlinear)
     low[0], high[0] = bounds.delta1_V
     low[1], high[1] = bounds.delta2_s
-    low[2:], high[2:] = -bounds.reach_V, bounds.reach_V
+    for p in range(2, nonlinear):
+        low[p], high[p] = -bounds.reach_V, bounds.reach_V
     best, damping, passes = start, 1e-3, 0
     while passes < budget:
         matrix, gradient = normal_equations(best.tangents, best.weights)
         before = best.cost
         while damping < 1e8 and passes < budget:
             free = np.ones(gradient.shape[0], dtype=np.bool_)
-            free[nonlinear:] = best.passive
-            free[2:nonlinear] = free_memory
+            for p in range(2, nonlinear):
+                free[p] = free_memory
+            for i in range(best.passive.shape[0]):
+                free[nonlinear + i] = best.passive[i]
             step = _step(matrix, gradient, free, nonlinear, damping)
             for p in range(nonlinear):
                 at_low = best.theta[p] <= low[p] and step[p] < 0.0
                 if at_low or (best.theta[p] >= high[p] and step[p] > 0.0):
                     free[p] = False
             step = _step(matrix, gradient, free, nonlinear, damping)
-            theta = np.minimum(np.maximum(best.theta + step[:nonlinear], low), high)
-            expected = np.maximum(best.weights + step[nonlinear:], 0.0)
+            theta, expected = np.empty(nonlinear), np.empty(best.weights.shape[0])
+            for p in range(nonlinear):
+                theta[p] = min(max(best.theta[p] + step[p], low[p]), high[p])
+            for i in range(expected.shape[0]):
+                expected[i] = max(best.weights[i] + step[nonlinear + i], 0.0)
             trial = evaluate(stack, theta, expected, bounds)
             passes += 1
             if trial.cost < best.cost:

@@ -106,6 +106,15 @@ def thin(stack: Stack, samples: int) -> Stack:
 
 
 @njit(cache=True)
+def _range(x: Array, first: int, end: int) -> float:
+    low: float = x[first]
+    high: float = low
+    for t in range(first, end):
+        low, high = min(low, x[t]), max(high, x[t])
+    return high - low
+
+
+@njit(cache=True)
 def _thin(
     u: Array,
     v: Array,
@@ -118,8 +127,8 @@ def _thin(
         first, end = edges[r], edges[r + 1]
         if first == end:
             continue
-        du = np.max(u[first:end]) - np.min(u[first:end]) + 1e-300
-        dv = np.max(v[first:end]) - np.min(v[first:end]) + 1e-300
+        du = _range(u, first, end) + 1e-300
+        dv = _range(v, first, end) + 1e-300
         last = first
         kept[first] = True
         for t in range(first + 1, end):

@@ -17,8 +17,8 @@ from rdpi_gym.diagnosis.notices import Notice
 from rdpi_gym.laboratory.data_import import SETTINGS, data_files
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.report.thin import thin_index
+from rdpi_gym.support.documents import PLAIN
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.words import quoted
 
 _PREPARED = """\
@@ -353,9 +353,8 @@ def _experiment(session: Session, rate_hz: float | None) -> str:
     ranking = session.ranking_of(present.id)
     if ranking is None or ranking.result is None:
         raise InputError("the next experiment is known when the ranking is done; wait for it")
-    fields = Fields(ranking.result, "ranking")
-    # a session of before holds the text alone
-    advice = Notice.optional(fields, "advice") or ranking.result["next_experiment"]
+    stated = PLAIN.read(Notice | None, ranking.result["advice"], "ranking: advice")
+    advice = stated or ranking.result["next_experiment"]  # an old session holds the text alone
     planned = face.plan_experiment(advice, _records(session), present.plant, rate_hz)
     if planned is None:
         raise InputError("no experiment is advised that is a motion; there is nothing to play")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from rdpi_gym.measurement import example_folder, measured_data
 
 
 @dataclass(frozen=True)
@@ -85,11 +86,12 @@ _MEASURED = (
 
 
 def examples() -> list[Example]:
-    """Return what can be begun with here; measured records where ``RDPI_DATA`` names their folder."""
-    return [*_EXERCISES, *(e for e in _MEASURED if (folder := folder_of(e)) and folder.is_dir())]
+    """Return the exercises, and the measured records that are here."""
+    return [*_EXERCISES, *(example for example in _MEASURED if folder_of(example))]
 
 
 def folder_of(example: Example) -> Path | None:
-    """Return the folder of measured records; None where nobody has said where they are."""
-    root = os.environ.get("RDPI_DATA")
-    return Path(root) / example.folder if root and example.folder else None
+    """Return the folder of measured records; None where they are not here."""
+    if example.key == "picma":
+        return example_folder(example.folder)
+    return measured_data(example.folder) if example.folder else None

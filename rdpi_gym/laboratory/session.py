@@ -9,12 +9,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from rdpi_gym import face
 from rdpi_gym.laboratory.data_import import REFUSED, read
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checks import check_type
+from rdpi_gym.support.documents import PLAIN
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import BINARY, NO_LINK, check_plain, parse_json, read_bytes, write_all
 from rdpi_gym.support.words import quoted, some
@@ -121,16 +122,12 @@ class Step:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the journal."""
-        return {**vars(self), "plant": self.plant.to_dict(), "held": list(self.held)}
+        return PLAIN.write_fields(self)
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Step:
         """Build from the object of the journal."""
-        plant = PlantModel.from_dict(document["plant"], "a step")
-        step = cls(**{**document, "plant": plant, "held": tuple(document["held"])})
-        for name, hint in get_type_hints(cls).items():
-            check_type(getattr(step, name), hint, f"a step's {name}")
-        check_type(list(step.held), Sequence[str], "a step's held")
+        step = PLAIN.read_fields(cls, document, "a step")
         for step_name in filter(None, (step.id, step.parent)):
             if not _STEP.fullmatch(step_name):
                 raise InputError(f"{quoted(step_name)} names no step")

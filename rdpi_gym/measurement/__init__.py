@@ -1,7 +1,7 @@
 """Measurements: read, check and split records of voltage and displacement."""
 
 from rdpi_gym.measurement.checking import MIN_SAMPLES
-from rdpi_gym.measurement.loading import DATA_HINT, load, measured_data
+from rdpi_gym.measurement.loading import DATA_HINT, example_folder, load, measured_data
 from rdpi_gym.measurement.options import COLUMNS, UNITS, DataOptions, parse_columns, parse_units
 from rdpi_gym.measurement.quantities import Quantities, Quantity, stated_quantities
 from rdpi_gym.measurement.record import (
@@ -29,6 +29,7 @@ __all__ = [
     "Quantity",
     "Record",
     "Role",
+    "example_folder",
     "hold_out_blocks",
     "hold_out_quarter",
     "load",

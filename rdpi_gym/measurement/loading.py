@@ -21,7 +21,7 @@ from rdpi_gym.measurement.text import read_text
 from rdpi_gym.measurement.units import plain_unit
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import exists
-from rdpi_gym.support.words import some
+from rdpi_gym.support.words import quoted, some
 
 TEXTS = (".csv", ".txt", ".dat", ".tsv")
 """Endings of text files."""
@@ -300,13 +300,38 @@ def _roles(
 
 
 DATA_HINT = (
-    "The measured data are published: PICMA in the GitHub repository yan9a/DiscreteBacklashOperator "
-    "(Y. N. Aye, W. T. Ang, 2018), FSM in merijnfloren/fsm-benchmark-data and at "
-    "nonlinearbenchmark.org, the friction damper in ARTS-Laboratory/"
-    "Dataset-Friction-Damper-with-Backlash; put a copy into a folder with subfolders picma, fsm and "
+    "The measured data are published: FSM in the GitHub repository merijnfloren/fsm-benchmark-data and "
+    "at nonlinearbenchmark.org, the friction damper in ARTS-Laboratory/"
+    "Dataset-Friction-Damper-with-Backlash; put a copy into a folder with subfolders fsm and "
     "friction_damper and let the environment variable RDPI_DATA name it"
 )
-"""One sentence that tells a user where the data come from and how to point the tools at them."""
+"""Source of the measurements that do not ship, and the variable that names a copy of them."""
+_EXAMPLES = Path(__file__).with_name("examples")
+
+
+def example_folder(name: str) -> Path:
+    """Find the folder of a measurement that ships with the package.
+
+    Parameters
+    ----------
+    name
+        ``picma``: a PICMA P-885.91 stack in a flexure, 1 Hz sines and nested loops, sampled at 200 Hz
+        (Y. N. Aye, W. T. Ang, ICSTSD 2018; MIT licence, in the folder).
+
+    Raises
+    ------
+    InputError
+        No measurement of that name ships.
+
+    Examples
+    --------
+    >>> load(example_folder("picma")).title
+    'PICMA P-885.91 stack, 1 Hz, 200 Hz sampling'
+    """
+    known = sorted(folder.name for folder in _EXAMPLES.iterdir())
+    if name not in known:
+        raise InputError(f"no example is named {quoted(name)}; there is {', '.join(known)}")
+    return _EXAMPLES / name
 
 
 def measured_data(name: str) -> Path | None:
@@ -315,7 +340,7 @@ def measured_data(name: str) -> Path | None:
     Parameters
     ----------
     name
-        ``picma``, ``fsm`` or ``friction_damper``.
+        ``fsm`` or ``friction_damper``, or another folder that was put beside them.
 
     Returns
     -------

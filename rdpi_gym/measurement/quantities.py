@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from string import Formatter
 from typing import Any
 
 from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
+from rdpi_gym.support.documents import PLAIN, Document
 from rdpi_gym.support.errors import InputError, printable
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.words import digits, quoted
 
 _LONGEST = 30  # characters of a header's name that serves as the name of a quantity
@@ -47,7 +48,7 @@ STANDARD: Mapping[str, Quantity] = {
 
 
 @dataclass(frozen=True)
-class Quantities:
+class Quantities(Document):
     """Input and output of a data set.
 
     The records and models keep the names of their fields, ``u_V`` and ``y_um``, whatever the numbers
@@ -187,25 +188,6 @@ class Quantities:
         """Units of what results hold, as the JSON files name them."""
         return {"error": self.output.unit, "command": self.input.unit}
 
-    def to_dict(self) -> dict[str, dict[str, str]]:
-        """Return them as a JSON object."""
-        return {"input": dict(vars(self.input)), "output": dict(vars(self.output))}
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Quantities:
-        """Build them from the JSON object.
-
-        Raises
-        ------
-        InputError
-            A text is missing.
-        """
-        found = [
-            Quantity(side.text("name"), side.text("symbol"), side.text("unit"))
-            for side in (fields.inner("input"), fields.inner("output"))
-        ]
-        return cls(found[0], found[1])
-
 
 def stated_quantities(identification: Mapping[str, Any]) -> Quantities:
     """Return what a plant's input and output are, as the fit that made it has stated.
@@ -223,13 +205,12 @@ def stated_quantities(identification: Mapping[str, Any]) -> Quantities:
     >>> stated_quantities({}).are_standard
     True
     """
-    sides, found = identification.get("quantities"), dict(STANDARD)
-    if isinstance(sides, Mapping):
-        for key, standard in STANDARD.items():
-            side = sides.get(key)
-            texts = [side.get(k) for k in vars(standard)] if isinstance(side, Mapping) else [None]
-            if all(isinstance(text, str) for text in texts):
-                found[key] = Quantity(*map(str, texts))
+    stated = identification.get("quantities")
+    sides = stated if isinstance(stated, Mapping) else {}
+    found = dict(STANDARD)
+    for side in found:
+        with suppress(InputError):
+            found[side] = PLAIN.read(Quantity, sides.get(side), side)
     return Quantities(found["input"], found["output"])
 
 

@@ -191,6 +191,7 @@ class Plant:
         self._fused = type(hysteresis[0]).fused
         self._state = empty_state(self.n, self.lanes)
         self._count = 0
+        self._rest: tuple[float, Array] | None = None  # a command and the state that it leaves
         self._remembers = any(model.turns_from(0.0) for model in self.models)
         # lanes whose memory is set as the first sample comes
         self._awaits = np.zeros(self.lanes, dtype=np.bool_)
@@ -232,27 +233,36 @@ class Plant:
         lanes
             Boolean mask ``(B,)`` of the lanes to reset; all by default.
         """
-        mask = np.ones(self.lanes, dtype=bool) if lanes is None else np.asarray(lanes, dtype=bool)
-        u0 = np.broadcast_to(np.nan if u0_V is None else np.asarray(u0_V, float), (self.lanes,))
-        if memory is None:
-            xi = self._settled(np.nan_to_num(u0))
+        mask: Any = slice(None) if lanes is None else np.asarray(lanes, dtype=bool)
+        if memory is None and isinstance(u0_V, float):  # an episode's: the same at every reset
+            if self._rest is None or self._rest[0] != u0_V:
+                self._rest = u0_V, self._begun(u0_V, None)
+            begun = self._rest[1]
         else:
-            xi = np.zeros((self.n, self.lanes))
-            given = np.asarray(memory, dtype=np.float64)
-            xi += given[:, None] if given.ndim == 1 else given
-        if u0_V is not None:
-            for core, lanes_of in self._cores.items():
-                xi[:, lanes_of] = core.resting(xi[:, lanes_of], u0[lanes_of])
+            begun = self._begun(u0_V, memory)
         self._awaits[mask] = u0_V is None and memory is None
         self._is_awaiting = self._remembers and bool(self._awaits.any())
-        self._state[0, mask] = u0[mask]
-        self._state[1, mask] = 0.0
-        self._state[2:, mask] = xi[:, mask]
+        self._state[:, mask] = begun[:, mask]
         for stages in self._stages.values():
             for stage in stages:
                 stage.reset(mask)
-        if mask.all():
+        if lanes is None or mask.all():
             self._count = 0
+
+    def _begun(self, u0_V: ArrayLike | None, memory: ArrayLike | None) -> Array:
+        """State of every lane after :meth:`reset`, float64[2 + n, B]."""
+        state = np.zeros_like(self._state)
+        u0, xi = state[0], state[2:]
+        u0[:] = np.nan if u0_V is None else u0_V
+        if memory is None:
+            xi[:] = self._settled(np.nan_to_num(u0))
+        else:
+            given = np.asarray(memory, dtype=np.float64)
+            xi[:] = given[:, None] if given.ndim == 1 else given
+        if u0_V is not None:
+            for core, lanes_of in self._cores.items():
+                xi[:, lanes_of] = core.resting(xi[:, lanes_of], u0[lanes_of])
+        return state
 
     def retune(self, models: Sequence[PlantModel[Any]]) -> None:
         """Go on as other models of the same build: a load that is set down, a stage that ages.
@@ -290,6 +300,7 @@ class Plant:
             raise InputError(
                 "a plant goes on as one of the same build; give as many lanes and effects"
             )
+        self._rest = None
         hysteresis = [m.hysteresis for m in models]
         if any(m.hysteresis is not o.hysteresis for m, o in zip(models, self.models, strict=True)):
             inside = [0.0 if self._stages else m.offset_um for m in models]

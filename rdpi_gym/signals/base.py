@@ -131,7 +131,7 @@ class Signal(ABC):
         held = np.maximum(_times(t), 0.0)
         value = self.offset_um + self.amplitude_um * self._shape(held)
         if self.smooth_start_s > 0.0:
-            value = value * smoothstep(held / self.smooth_start_s)
+            value = value * _start(held, self.smooth_start_s)
         return np.asarray(value)
 
     def derivative(self, t: ArrayLike) -> Array:
@@ -241,6 +241,16 @@ def smoothstep(s: Array) -> Array:
     """Return the quintic from 0 at s = 0 to 1 at s = 1, constant outside, C2 everywhere."""
     s = np.clip(s, 0.0, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+
+
+def _start(t: Array, duration_s: float) -> Array:
+    """Smooth start at times `t` (s): the quintic where it has not ended, 1 elsewhere."""
+    if t.ndim != 1:
+        return smoothstep(t / duration_s)
+    begins = t < duration_s
+    weight = np.ones(t.shape)
+    weight[begins] = smoothstep(t[begins] / duration_s)
+    return weight
 
 
 def smoothstep_rate(s: Array) -> Array:

@@ -133,7 +133,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def check_type(value: Any, hint: Any, where: str) -> None:
     """Refuse a value that is not of the annotated type."""
     if not _fits(value, hint):
-        raise InputError(f"{where} is {quoted(value)}; give {_described(hint)}")
+        raise InputError(f"{where} is {quoted(value)}; give {described(hint)}")
 
 
 def _fits(value: Any, hint: Any) -> bool:
@@ -161,10 +161,11 @@ def _fits(value: Any, hint: Any) -> bool:
     return True
 
 
-def _described(hint: Any) -> str:
+def described(hint: Any) -> str:
+    """Return what an annotation asks for, in words."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
-        words = list(dict.fromkeys(_described(part) for part in parts))
+        words = list(dict.fromkeys(described(part) for part in parts))
         return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
     if origin is Literal:
         return f"one of {', '.join(map(repr, parts))}"
@@ -172,9 +173,9 @@ def _described(hint: Any) -> str:
     if kind is type:
         return "a class"
     if issubclass(kind, Mapping):
-        return f"a mapping of {_described(parts[0])} to {_described(parts[1])}"
+        return f"a mapping of {described(parts[0])} to {described(parts[1])}"
     if issubclass(kind, Sequence) and kind is not str:
-        return f"a sequence of {_described(parts[0])}" if parts else "a sequence"
+        return f"a sequence of {described(parts[0])}" if parts else "a sequence"
     if "Callable" in kind.__name__ or "__call__" in vars(kind):
         return "a function"
     if issubclass(kind, os.PathLike):

@@ -15,7 +15,10 @@ from types import ModuleType
 
 # One line a module: its former name, and the name it has now.
 _TABLE = """
+baselines.adaptive_dual_loop baselines.damping
 baselines.believed baselines.core_inverse
+baselines.h_infinity baselines.linear_designs
+baselines.horizon baselines.model_predictive
 baselines.inverses.catalogue baselines.inverses.base
 baselines.inverses.lags baselines.inverses.linear
 baselines.inverses.turns baselines.inverses.base
@@ -23,9 +26,13 @@ baselines.learned.guard baselines.learned.controller
 baselines.learned.network baselines.learned.policy
 baselines.learned.seen baselines.learned.envelope
 baselines.limits baselines.lanes
+baselines.lqg baselines.linear_designs
 baselines.memory baselines.lanes
+baselines.pi_preview baselines.linear_designs
 baselines.products baselines.lanes
+baselines.smith_predictor baselines.linear_designs
 baselines.stability baselines.feedforward
+baselines.static_gain baselines.feedforward
 rdpi_gym.envs.correction rdpi_gym.envs.controller
 rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.changing
 rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment

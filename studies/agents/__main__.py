@@ -26,7 +26,7 @@ from studies.agents.page import page_texts, take_walk, walk_template
 from studies.agents.scores import GAP, GROUPS, Run, World, contestants, score_all, with_literal
 from studies.agents.tables import agents_text, gap_summary, gap_text, summarise
 from studies.agents.training import BASELINE, FULL, QUICK, Study, Training, all_trainings, train_all
-from studies.png import small_png
+from studies.chromium import small_png
 
 _ROOT = Path(__file__).parents[2]
 OUT, DOCS = _ROOT / "studies" / "results" / "agents", _ROOT / "docs"

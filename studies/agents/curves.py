@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from rdpi_gym.report.chart import Axis, Chart, Level, Mark, Panel, Series
+from rdpi_gym.report.chart_matplotlib import chart_png
+from rdpi_gym.report.style import INK, PALETTE
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from studies.agents.training import BASELINE, Training
@@ -22,7 +23,7 @@ COLUMNS = (
 PICTURE = "learning-curves.png"
 
 METHOD = f"""\
-- **Curves.** Between two stretches of a training its policy is evaluated on 24 held-out plants with references of their own, drawn as in training, always the same; an average of their RMSE (µm) and of the command's total variation. A line is the median over the trainings, the band reaches from the least to the greatest. A line that comes from below the axis is a network that hardly moves the command yet.
+- **Curves.** Between two stretches of a training its policy is evaluated on 24 held-out plants with references of their own, drawn as in training, always the same; an average of their RMSE (µm) and of the command's total variation. A line is the median over the trainings, its bars reach from the least to the greatest. A line that comes from below the axis is a network that hardly moves the command yet.
 - **Compensator.** `{BASELINE}` on the same plants and references: what corrections correct, and what increments do without.
 - **Seconds** are those of a training with one thread, its evaluations included, with as many side by side as the machine had cores.
 """
@@ -120,59 +121,34 @@ _ROWS = {
 
 def learning_picture(bands: pd.DataFrame, compensator: str, compensator_rmse_um: float) -> bytes:
     """Draw error and command variation over the steps, one column an algorithm, one line an agent."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import EngFormatter, LogLocator, NullLocator, StrMethodFormatter
-
-    from rdpi_gym.report.style import INK, PALETTE, matplotlib_style
-
-    style: Any = matplotlib_style()
     named = bands["agent"].str.split("-", n=1, expand=True)
     bands = bands.assign(algorithm=named[0], action=named[1])
-    actions = list(bands["action"].unique())
-    algorithms = list(bands["algorithm"].unique())
-    with rc_context(style):
-        figure = Figure(figsize=(2.2 + 3.4 * len(algorithms), 5.6), layout="constrained")
-        grid = figure.subplots(2, len(algorithms), sharex="col", sharey="row", squeeze=False)
-        for column, algorithm in enumerate(algorithms):
-            part = bands[bands["algorithm"] == algorithm]
-            for row, name in enumerate(_ROWS):
-                axes = grid[row, column]
-                for action, lines in part.groupby("action", sort=False):
-                    _draw(axes, lines, name, PALETTE[actions.index(str(action))], str(action))
-                level = compensator_rmse_um if name == "rmse_um" else 1.0
-                axes.axhline(level, color=INK, linestyle="--", linewidth=1.2, label=compensator)
-                axes.set_yscale("log", nonpositive="clip")
-                axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                axes.yaxis.set_minor_locator(NullLocator())
-                axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            grid[0, column].set_title(algorithm.upper(), loc="left")
-            grid[1, column].set_xlabel("environment steps")
-            grid[1, column].xaxis.set_major_formatter(EngFormatter())
-        grid[1, 0].set_ylim(*_variation_range(bands))
-        for row, label in enumerate(_ROWS.values()):
-            grid[row, 0].set_ylabel(label)
-        found = (grid[0, column].get_legend_handles_labels() for column in range(len(algorithms)))
-        handles = {label: handle for pair in found for handle, label in zip(*pair, strict=True)}
-        legend = {name: handles[name] for name in (*actions, compensator)}
-        figure.legend(
-            list(legend.values()), list(legend), loc="outside lower center", ncols=len(legend)
-        )
-        stream = io.BytesIO()
-        # no version of the library in the file: the same result is the same picture
-        figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
-
-
-def _variation_range(bands: pd.DataFrame) -> tuple[float, float]:
-    """Show a factor of two about 1 at least, and no idle network far below."""
+    actions, algorithms = (list(bands[name].unique()) for name in ("action", "algorithm"))
+    # a factor of two about 1 at least, and no idle network far below
     low, high = bands["variation_ratio_low"].min(), bands["variation_ratio_high"].max()
-    return min(max(0.8 * low, 0.1), 0.5), max(1.2 * high, 2.0)
-
-
-def _draw(axes: Any, lines: pd.DataFrame, name: str, colour: str, label: str) -> None:
-    steps = lines["timesteps"]
-    axes.fill_between(
-        steps, lines[f"{name}_low"], lines[f"{name}_high"], color=colour, alpha=0.2, linewidth=0
-    )
-    axes.plot(steps, lines[name], color=colour, marker="o", markersize=3.0, label=label)
+    limits = {"variation_ratio": (min(max(0.8 * low, 0.1), 0.5), max(1.2 * high, 2.0))}
+    panels = []
+    for column, algorithm in enumerate(algorithms, start=1):
+        part = bands[bands["algorithm"] == algorithm]
+        for row, (name, label) in enumerate(_ROWS.items(), start=1):
+            marks: list[Mark] = []
+            for action, lines in part.groupby("action", sort=False):
+                y = lines[name].to_numpy()
+                ends = y - lines[f"{name}_low"].to_numpy(), lines[f"{name}_high"].to_numpy() - y
+                marks.append(
+                    Series(
+                        lines["timesteps"].to_numpy(), y, str(action), PALETTE[actions.index(str(action))],
+                        marker="circle", size=4.0, errors=ends,
+                    )
+                )  # fmt: skip
+            level = compensator_rmse_um if name == "rmse_um" else 1.0
+            marks.append(Level(level, compensator, INK))
+            y_axis = Axis(
+                label if column == 1 else "", log=True, ticks="1-2-5", limits=limits.get(name)
+            )
+            x_axis = Axis("environment steps" if row == 2 else "", powers=True)
+            title = algorithm.upper() if row == 1 else ""
+            panels.append(Panel(marks, x_axis, y_axis, title, row, column))
+    panels.sort(key=lambda panel: (panel.row, panel.column))
+    inches = 2.2 + 3.4 * len(algorithms), 5.6
+    return chart_png(Chart(panels, shared="xy", legend="below"), inches)

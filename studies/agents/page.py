@@ -16,8 +16,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
 from studies.agents.facts import FILE, FORMAT, VERSION, page_facts
 from studies.agents.training import Study
-from studies.tutorial.session import Session
-from studies.tutorial.template import FENCE, fill
+from studies.pages import FENCE, TEMPLATES, Session, fill
 
 STEPS = 1_500_000
 """The training that the page begins with."""
@@ -84,11 +83,9 @@ def no_picture(page: Path, section: str, choice: str) -> bytes:
     raise InputError(f"{page}, {section}: the pages of agents take no picture from a page")
 
 
-FOLDER = Path(__file__).parent / "pages"
-TEMPLATES = {path.stem: path for path in sorted(FOLDER.glob("*.md"))}
-"""Templates by the name of their page."""
 WALK = "train-an-agent"
 """The page whose commands are run."""
+PAGES = ("agents", WALK)
 
 
 def walk_template(study: Study) -> str:
@@ -104,7 +101,8 @@ def page_texts(study: Study, results: Path) -> dict[str, str]:
     with tempfile.TemporaryDirectory() as folder:
         session = Recorded(Path(folder), walk)
         write_json(session.folder / "agents.json", page_facts(results))
-        for name, path in TEMPLATES.items():
-            template = walk_template(study) if name == WALK else path.read_text(encoding="utf-8")
+        for name in PAGES:
+            text = TEMPLATES[name].read_text(encoding="utf-8")
+            template = walk_template(study) if name == WALK else text
             texts[name], _ = fill(template, session, no_picture)
     return texts

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.loops.systems import Response
+from baselines.loops import Response
 from rdpi_gym.envs.controller import Controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tracking import TrackingTask

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from baselines import CONTROLLERS, FEEDFORWARDS, known_controller, make_controller
-from baselines.static_gain import StaticGain
+from baselines.feedforward import StaticGain
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P5, P10, RDPI, Plant, PlantModel
 from rdpi_gym.support.errors import InputError
@@ -244,7 +244,7 @@ def test_every_feedforward_is_there_with_feedback_too():
 
 
 NEW = """
-from baselines.static_gain import StaticGain
+from baselines.feedforward import StaticGain
 
 class Twice(StaticGain):
     name = "twice"
@@ -274,7 +274,7 @@ ENTRY = "[rdpi_gym.controllers]\nlab-gain = lab:Gain\nlab-broken = lab:nothing\n
 
 def test_an_installed_package_brings_controllers_by_entry_point(tmp_path, monkeypatch):
     (tmp_path / "lab.py").write_text(
-        "from baselines.static_gain import StaticGain\nclass Gain(StaticGain): ...\n"
+        "from baselines.feedforward import StaticGain\nclass Gain(StaticGain): ...\n"
     )
     info = tmp_path / "lab-1.0.dist-info"
     info.mkdir()

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baselines import make_controller
-from baselines.inverses.delay import LinearUndo
 from baselines.pi import gains_within_margin, simc_gains
-from baselines.preview import SMOOTHING_HZ, learning_recursion
+from baselines.preview import SMOOTHING_HZ, LinearUndo, learning_recursion
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE

@@ -7,8 +7,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from baselines.inverses import INVERSES, Setting
-from baselines.inverses.congruency import congruent_inverse_block, rising_range
-from baselines.inverses.preview_filter import preview_weights
+from baselines.inverses.chain import congruent_inverse_block, rising_range
+from baselines.inverses.linear import preview_weights
 from rdpi_gym.plant import P10, pack
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects import CATALOGUE

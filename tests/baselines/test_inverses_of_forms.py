@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.inverses import INVERSES, Setting, congruency, inverse_of, inverses_of
-from baselines.inverses.delay import LinearUndo
+from baselines.inverses import INVERSES, Setting, chain, inverse_of, inverses_of
 from baselines.pi import gains_within_margin, simc_gains
+from baselines.preview import LinearUndo
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
@@ -110,7 +110,7 @@ def test_a_form_is_never_undone_by_the_inverse_of_another(kind):
     found = inverses_of(belief, TS, 40.0, 0.0, shown_ahead=50)
     stages = [*found.output, *found.command]
     assert all(kind.form in stage.forms and stage.effect == kind.name for stage in stages)
-    assert (found.congruency is not None) == (kind.block in congruency.UNDONE)
+    assert (found.congruency is not None) == (kind.block in chain.UNDONE)
     dealt_with = bool(stages or found.rate or found.congruency) or kind.slot == "memory"
     assert dealt_with == (not found.passed_over)
     controller = make_controller(

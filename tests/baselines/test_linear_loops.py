@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.loops.certificates import certify
-from baselines.loops.path import belief_path
-from baselines.loops.systems import LinearSystem, gain, integrator, unit_delay
+from baselines.loops import LinearSystem, belief_path, certify, gain, integrator, unit_delay
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.envs.tasks import TASKS

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize
 
 from baselines import model_predictive
-from baselines.loops.systems import LinearSystem
+from baselines.loops import LinearSystem
 from baselines.model_predictive import ModelPredictive, horizon_gains
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band

@@ -10,11 +10,17 @@ pytest.importorskip("torch")
 import torch
 
 from baselines.learned import environments
-from baselines.learned.folder import Run
-from baselines.learned.native.learner import Lanes, NativeLearner
-from baselines.learned.native.networks import ActorCritic, Workspace
-from baselines.learned.native.update import Batch, Law, NativePPO, Updater, estimate_advantages
-from baselines.learned.options import PLANTS, TrainingOptions
+from baselines.learned.native_learner import Lanes, NativeLearner
+from baselines.learned.native_ppo import (
+    ActorCritic,
+    Batch,
+    Law,
+    NativePPO,
+    Updater,
+    Workspace,
+    estimate_advantages,
+)
+from baselines.learned.options import PLANTS, Run, TrainingOptions
 from baselines.learned.settings import Settings
 from baselines.learned.training import NativeOptions, trainer
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import pytest
 
 from baselines import CONTROLLERS, make_controller, tuning
-from baselines.static_gain import StaticGain
+from baselines.feedforward import StaticGain
 from baselines.tuning import Knob, Tunable, Tuning, read_tunings, write_tunings
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.tasks import TASKS

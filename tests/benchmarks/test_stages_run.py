@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import make_controller
-from baselines.horizon import TrueHorizon
+from baselines.model_predictive import TrueHorizon
 from benchmarks.stages.ranking import (
     interquartile_mean,
     rank_correlation,

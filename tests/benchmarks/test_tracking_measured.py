@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.tracking import measured
 from benchmarks.tracking.measured import COLUMNS, local_gain, score_measured, score_records
-from rdpi_gym.measurement import Dataset, Record, measured_data
+from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import RDPI, Plant, PlantModel, named_plant
 
 STACK = PlantModel(
@@ -67,22 +67,6 @@ def test_a_failing_controller_leaves_a_row_that_says_so(monkeypatch):
     assert found["rms_V"].isna().all()
 
 
-def test_data_that_are_absent_or_cannot_be_read_are_one_line(monkeypatch, tmp_path):
-    monkeypatch.setenv("RDPI_DATA", str(tmp_path))
-    absent = score_measured(["none"], STACK)
-    assert "yan9a/DiscreteBacklashOperator" in absent.note
-    assert "\n" not in absent.note
-    (tmp_path / "picma").mkdir()
-    (tmp_path / "picma" / "run.csv").write_text("t,u\n0,1\n")
-    broken = score_measured(["none"], STACK)
-    assert "run.csv" in broken.note
-    assert absent.table.empty
-    assert broken.table.empty
-
-
-@pytest.mark.skipif(
-    measured_data("picma") is None, reason="picma/ is missing; see rdpi_gym.measurement.DATA_HINT"
-)
 def test_on_the_measured_stack_compensation_is_far_nearer_to_the_applied_voltage_than_none():
     found = score_measured(["none", "classical-reference-rate"], named_plant("picma")).table
     volts = found.pivot(index="record", columns="controller", values="rms_V")

@@ -203,7 +203,7 @@ for name in ("model-predictive", "pi-preview", "h-infinity"):
     __import__("baselines." + name.replace("-", "_"))
 loaded = {Path(sys.modules[m].__file__) for m in set(sys.modules) - before if m.startswith("baselines.")}
 from rdpi_gym.support.fingerprint import used_files
-used = used_files(["baselines.model_predictive", "baselines.pi_preview", "baselines.h_infinity"], folder)
+used = used_files(["baselines.model_predictive", "baselines.linear_designs", "baselines.linear_designs"], folder)
 missing = sorted(path.name for path in loaded - set(used) if path.name != "__init__.py")
 assert not missing, missing
 """

@@ -9,7 +9,7 @@ pytest.importorskip("stable_baselines3")
 pytest.importorskip("optuna")
 
 from baselines.learned import environments
-from baselines.learned.native.update import NativePPO
+from baselines.learned.native_ppo import NativePPO
 from baselines.learned.options import DivergedError
 from baselines.learned.settings import SHIPPED, read_settings, read_values
 from baselines.learned.stable_baselines import ALGORITHMS, StableBaselinesLearner

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rdpi_gym.diagnosis.checks import run_checks
-from rdpi_gym.measurement import Dataset, Record, load, measured_data
-from rdpi_gym.measurement.loading import DATA_HINT
+from rdpi_gym.measurement import Dataset, Record, example_folder, load
 from rdpi_gym.plant import P5, Plant, settled_memory
 from tests.looping import over
 
@@ -174,10 +173,7 @@ def test_empty_data_set():
 
 
 def test_picma():
-    folder = measured_data("picma")
-    if folder is None:
-        pytest.skip(f"picma/identification.csv is missing. {DATA_HINT}")
-    found = {check.name: check for check in run_checks(load(folder))}
+    found = {check.name: check for check in run_checks(load(example_folder("picma")))}
     assert found["asymmetry"].zone == "yes"
     assert 1.0 < found["asymmetry"].value < 3.0
     # one frequency: delay, lags and rate law cannot be told apart

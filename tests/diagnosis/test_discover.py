@@ -22,7 +22,6 @@ from rdpi_gym.plant.effects.sensor_lag import SensorLag
 from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
 from rdpi_gym.signals.experiments import polyline
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.virtual_lab.independent import simulate_truth
 from tests.looping import over
 
@@ -132,7 +131,7 @@ def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
     )
     assert (settled.effect, settled.indistinguishable) == ("sensor_lag", ())
     assert settled.instead["asymmetry"] > 2.0 * settled.errors.validation_rmse_um
-    assert Candidate.from_fields(Fields(settled.to_dict(), "step")).instead == settled.instead
+    assert Candidate.from_dict(settled.to_dict()).instead == settled.instead
     # and where the beginning of a record to judge by is left out, the error with it is said too
     assert search.on_every_sample(state) == ()
     held = search.setting.validation[0]
@@ -212,13 +211,13 @@ def test_results_are_saved_and_loaded_back(lagging, tmp_path):
 @over(
     "key, value, said",
     [
-        ("verdict", "perhaps", "the verdict 'perhaps'; expected one of"),
-        ("noise_floor", "small", "\"noise_floor\" is 'small'; expected a number"),
+        ("verdict", "perhaps", "verdict is 'perhaps'; expected one of 'explained', "),
+        ("noise_floor", "small", "noise_floor is 'small'; expected a number"),
         ("noise_floor", 10**400, "too large for a whole number"),
-        ("base", None, '"base" is None; expected an object'),
-        ("steps", [{"effect": 3}], '"steps" 1: "effect" is 3; expected a text'),
-        ("rounds", [[1]], "is 1; expected an object"),
-        ("indistinguishable", ["creep"], "is 'creep'; expected a list"),
+        ("base", None, "base is None; expected an object"),
+        ("steps", [{"effect": 3}], r"steps\[0\].effect is 3; expected text"),
+        ("rounds", [[1]], r"rounds\[0\]\[0\] is 1; expected an object"),
+        ("indistinguishable", ["creep"], r"indistinguishable\[0\] is 'creep'; expected a list"),
         ("model", {}, "needs the keys hysteresis"),
     ],
 )

@@ -18,7 +18,6 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.report.comparison_page import write_compare_page
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
 from tests.diagnosis.golden_texts import CHOSEN, FILE, datasets, texts
 from tests.looping import over
 
@@ -128,12 +127,14 @@ def test_other_words_change_no_planned_command(monkeypatch):
 @over("code", Code)
 def test_a_notice_is_the_same_in_a_file_and_its_text_is_known_without_one(code):
     notice = Notice(code, ("stairs", "creep", "delay"), (1.0, 2.0, 3.0, 4.0))
-    assert Notice.from_fields(Fields(json.loads(json.dumps(notice.to_dict())), "file")) == notice
+    assert Notice.from_dict(json.loads(json.dumps(notice.to_dict()))) == notice
     fixed = words.notice_of(words.text_of(notice))
     assert fixed is None or fixed.code is code
     assert (fixed is None) == ("{" in table.NOTICES[code])
 
 
 def test_a_code_that_nobody_knows_is_one_line():
-    with pytest.raises(InputError, match="file: the code 'moon' is unknown"):
-        Notice.from_fields(Fields({"code": "moon"}, "file"))
+    with pytest.raises(
+        InputError, match="file: code is 'moon'; expected one of 'no record moves', "
+    ):
+        Notice.from_dict({"code": "moon"}, "file")

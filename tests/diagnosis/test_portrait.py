@@ -18,7 +18,6 @@ from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.support.fields import Fields
 from studies.portraits.plants import SORTS, World
 
 TS_S, PARTS, NOISE_UM = 5e-3, 4, 0.01
@@ -71,7 +70,7 @@ def test_it_says_the_numbers_first_and_comes_back_from_its_file(bent):
         "Over 99 % of draws of the records place it before the hysteresis: there it changes the command that the plays see."
     )
     assert "to the power 1.5 ± " in str(bent)
-    assert Portrait.from_fields(Fields(bent.to_dict(), "file")) == bent
+    assert Portrait.from_dict(bent.to_dict()) == bent
     open_place = replace(bent, place=None, places={"behind": 0.43, "before": 0.55, "in": 0.02})
     assert sentences_of(open_place)[1].startswith(
         "Where in the chain it stands these records cannot tell: 55 % before the hysteresis and 43 % behind it, "

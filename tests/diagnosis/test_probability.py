@@ -16,7 +16,6 @@ from rdpi_gym.diagnosis.probability import (
 )
 from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import write_json
 
 ERRORS = Errors(0.01, 0.01, 0.1, {})
@@ -104,4 +103,4 @@ def test_the_package_has_a_calibration_that_survives_its_file(tmp_path):
 
 def test_what_is_saved_is_read_again():
     found = probabilities(course(sign("creep", 0.9), tried=(sign("delay", 0.2),)), {})
-    assert Probabilities.from_fields(Fields(found.to_dict(), "a file")) == found
+    assert Probabilities.from_dict(found.to_dict()) == found

@@ -13,8 +13,7 @@ from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale
-from rdpi_gym.measurement import Record, hold_out_quarter, load, measured_data
-from rdpi_gym.measurement.loading import DATA_HINT
+from rdpi_gym.measurement import Record, example_folder, hold_out_quarter, load
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.plant.effects import CATALOGUE
@@ -347,10 +346,7 @@ def test_the_numbers_stand_beside_the_sentence():
 
 @pytest.mark.slow
 def test_of_a_measured_stage_half_of_what_three_effects_leave_follows_from_the_input():
-    folder = measured_data("picma")
-    if folder is None:
-        pytest.skip(f"picma/identification.csv is missing. {DATA_HINT}")
-    data = load(folder)
+    data = load(example_folder("picma"))
     scale = data_scale((*data.train, *data.validation))
     effects = [CATALOGUE[n].starts(scale)[0] for n in ("creep", "congruency", "asymmetry")]
     variant = fit_joint(data.train, comb(data.train), in_chain_order(effects)).variant

@@ -9,12 +9,10 @@ import pytest
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.virtual_lab import HIDEABLE
-from studies.effect_pages import __main__ as command
-from studies.effect_pages import panels
-from studies.effect_pages.panels import panels_of
-from studies.effect_pages.study import PICTURES, bare_records, study_effect
-from studies.effect_pages.text import page_texts
-from studies.effect_pages.tracking import stored_rows, tracked
+from studies import effect_pages as command
+from studies import effect_pictures as panels
+from studies.effect_pages import page_texts, stored_rows, tracked
+from studies.effect_pictures import PICTURES, bare_records, pair_of, panels_of
 from tests.looping import over
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
@@ -84,19 +82,19 @@ def test_what_an_inverse_knows_it_takes_out():
 
 
 def test_delay_turns_the_phase_and_keeps_the_gain(without):
-    study = study_effect("delay", PICTURES["delay"].values, without)
-    bare, turned = panels.phase(study, "").lines
+    study = pair_of("delay", without)
+    bare, turned = panels.phase(study, "").marks
     np.testing.assert_allclose(bare.y, 0.0, atol=1e-6)
     np.testing.assert_allclose(
         turned.y, -360.0 * turned.x * study.effect.values["delay_s"], atol=0.05
     )
-    same, gain = panels.gain(study, "").lines
+    same, gain = panels.gain(study, "").marks
     np.testing.assert_allclose(gain.y, same.y, rtol=1e-4)
 
 
 def test_sensor_lag_lowers_the_gain(without):
-    study = study_effect("sensor_lag", PICTURES["sensor_lag"].values, without)
-    bare, lower = panels.gain(study, "").lines
+    study = pair_of("sensor_lag", without)
+    bare, lower = panels.gain(study, "").marks
     ts_s, tau_s = study.having["multisine-small"].ts_s, study.effect.values["time_constant_s"]
     # a first-order lag behind a command that is linear between samples
     decay, before, after = lag_step(tau_s, ts_s)
@@ -106,9 +104,9 @@ def test_sensor_lag_lowers_the_gain(without):
 
 
 def test_gain_drift_shows_in_a_repeat(without):
-    study = study_effect("gain_drift", PICTURES["gain_drift"].values, without)
+    study = pair_of("gain_drift", without)
     panel = panels.repeats(study, "", "triangle-slow", "triangle-slow-again")
-    bare, drifted = panel.lines
+    bare, drifted = panel.marks
     np.testing.assert_allclose(bare.y, 0.0, atol=1e-9)
     records = study.having
     apart_s = records["triangle-slow-again"].t_s[0] - records["triangle-slow"].t_s[0]
@@ -119,10 +117,10 @@ def test_gain_drift_shows_in_a_repeat(without):
 def test_every_picture_shows_its_effect(without):
     """Each line with the effect is told from the one without it, and labels carry units."""
     for name in ("backlash", "mains_hum"):
-        for panel in panels_of(PICTURES[name], study_effect(name, PICTURES[name].values, without)):
-            assert panel.x_label.endswith(")")
-            assert panel.y_label.endswith(")")
-            assert max(np.nanmax(np.abs(line.y)) for line in panel.lines) > 0.02
+        for panel in panels_of(name, pair_of(name, without)):
+            assert panel.x.label.endswith(")")
+            assert panel.y.label.endswith(")")
+            assert max(np.nanmax(np.abs(line.y)) for line in panel.marks) > 0.02
 
 
 def test_the_command_writes_pages_and_pictures(tmp_path, monkeypatch, capsys):

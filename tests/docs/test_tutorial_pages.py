@@ -6,13 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+from rdpi_gym.measurement import DataOptions, example_folder, load
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
-from studies.tutorial.__main__ import TEMPLATES
-from studies.tutorial.__main__ import main as make
-from studies.tutorial.session import ELISION, Session
-from studies.tutorial.template import CONSOLE, FENCE, PROMPT, contradiction, fill, is_claim, quoted
+from studies.pages import (
+    CONSOLE,
+    ELISION,
+    FENCE,
+    PROMPT,
+    TEMPLATES,
+    Session,
+    contradiction,
+    fill,
+    is_claim,
+    quoted,
+)
+from studies.tutorial import PAGES
+from studies.tutorial import main as make
 from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +50,7 @@ def as_pattern(line):
     return "(.+)".join(re.escape(part) for part in re.split(r"\{\{.*?\}\}", line))
 
 
-@over("name", list(TEMPLATES))
+@over("name", PAGES)
 def test_page_is_made_from_its_template(name):
     template = prose_and_commands(TEMPLATES[name].read_text(encoding="utf-8"))
     wanted = [as_pattern(line) for line in template if not is_claim(line)]
@@ -50,7 +60,7 @@ def test_page_is_made_from_its_template(name):
         assert re.fullmatch(pattern, line), MAKE
 
 
-@over("name", list(TEMPLATES))
+@over("name", PAGES)
 def test_every_command_of_a_page_has_printed_something(name):
     page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     for block in re.findall(r"^```console\n(.*?)^```$", page, flags=re.M | re.S):
@@ -62,7 +72,7 @@ def test_every_command_of_a_page_has_printed_something(name):
 
 def test_pictures_exist_are_small_and_none_is_left_over():
     shown = set()
-    for name in TEMPLATES:
+    for name in PAGES:
         page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
         shown |= set(re.findall(r"^!\[.*\]\((tutorial/\S+)\)$", page, flags=re.M))
     assert {f"tutorial/{path.name}" for path in (DOCS / "tutorial").iterdir()} == shown
@@ -167,17 +177,15 @@ def test_an_unknown_page_is_refused(capsys):
 
 
 def test_the_settings_shown_read_the_published_files(tmp_path):
-    """Tab-separated, without header or time: as `DATA_HINT`'s repository has them."""
-    folder = measured_data("picma")
-    if folder is None or not (folder / "identification.csv").is_file():
-        pytest.skip(f"picma/identification.csv is absent. {DATA_HINT}")
+    """Tab-separated, without header or time: as the published files are."""
+    folder = example_folder("picma")
     (settings,) = re.findall(
         r"^```toml\n(.*?)^```$", TEMPLATES["tutorial"].read_text("utf-8"), re.M | re.S
     )
     (tmp_path / "dataset.toml").write_text(settings, encoding="utf-8")
     for name, columns in (("identification", 7), ("validation", 11)):
-        table = np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)
-        raw = np.zeros((len(table), columns))
+        table = np.load(folder / f"{name}.npz")
+        raw = np.zeros((len(table["u"]), columns))
         raw[:, 0], raw[:, 4] = table["u"], table["y"]
         np.savetxt(tmp_path / f"{name}.dat", raw, fmt="%.6f", delimiter="\t")
     found = load(tmp_path, DataOptions(sampling_time_s=5e-3))

@@ -9,7 +9,7 @@ import pytest
 import rdpi_gym as rg
 from tests.looping import over
 
-HEAVY = ("torch", "plotly", "matplotlib", "pandas", "scipy", "numba", "h5py", "joblib", "cattrs")
+HEAVY = ("torch", "plotly", "matplotlib", "pandas", "scipy", "numba", "h5py", "joblib")
 
 
 def loaded_by(statement):

@@ -3,8 +3,7 @@ import pytest
 from rdpi_gym.firmware.making import package_of
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from studies.bare_metal.boards import BOARDS, missing, object_of, program_of, ran
-from studies.bare_metal.counted import cost, write_sources
+from studies.bare_metal import BOARDS, cost, missing, object_of, program_of, ran, write_sources
 from studies.firmware_cost import ASKED
 from tests.looping import over
 

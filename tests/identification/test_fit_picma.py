@@ -5,16 +5,12 @@ import math
 import pytest
 
 from rdpi_gym.identification import fit, validation_rmse
-from rdpi_gym.measurement import load, measured_data
+from rdpi_gym.measurement import example_folder, load
 from rdpi_gym.plant import named_plant
 
-FOLDER = measured_data("picma")
-needs_data = pytest.mark.skipif(
-    FOLDER is None, reason="picma/identification.csv is not there (set RDPI_DATA)"
-)
+FOLDER = example_folder("picma")
 
 
-@needs_data
 def test_errors_on_both_files_time_and_warning():
     data = load(FOLDER)
     fit(data)
@@ -26,7 +22,6 @@ def test_errors_on_both_files_time_and_warning():
     assert any("the error is no noise" in warning for warning in result.warnings)
 
 
-@needs_data
 def test_the_plant_that_ships_is_the_one_that_is_identified():
     data = load(FOLDER)
     shipped, fitted = named_plant("picma"), fit(data).plant

@@ -10,7 +10,7 @@ from rdpi_gym.cli import main
 from rdpi_gym.identification import fit
 from rdpi_gym.identification.plausibility import plausibility_warnings
 from rdpi_gym.identification.residuals import RecordResidual, simulate_record
-from rdpi_gym.measurement import Dataset, Record, load, measured_data, write_csv
+from rdpi_gym.measurement import Dataset, Record, example_folder, load, measured_data, write_csv
 from rdpi_gym.plant import P5, P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.virtual_lab import Truth, simulate_dataset
@@ -103,9 +103,8 @@ def test_no_alarm_on_one_small_fast_record():
     assert plausibility_warnings([simulate_record(P10, record)]) == []
 
 
-@pytest.mark.skipif(measured_data("picma") is None, reason="set RDPI_DATA")
 def test_no_alarm_on_the_measured_stack():
-    data = load(measured_data("picma"))
+    data = load(example_folder("picma"))
     plant = fit(data).plant
     assert plausibility_warnings([simulate_record(plant, r) for r in data.train]) == []
 

@@ -1,7 +1,6 @@
 """The whole laboratory in a real browser, nothing put in its place: from dropped files to a notebook."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -77,9 +76,6 @@ def _walk(page, lab, files, folder):
     }
 
 
-@pytest.mark.skipif(
-    "RDPI_DATA" not in os.environ, reason="the measured records are not here (RDPI_DATA)"
-)
 def test_a_measured_stack_is_brought_nearer_than_by_the_command(browser, tmp_path):
     with LabProcess(tmp_path / "session") as lab, LabPage(browser) as page:
         page.open(lab)

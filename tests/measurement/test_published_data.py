@@ -1,4 +1,4 @@
-"""The published PICMA records, read in place, and how a user is told about them."""
+"""The PICMA records that ship, published ones that do not, and how a user is told about them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rdpi_gym.measurement import DATA_HINT, DataOptions, load, measured_data
+from rdpi_gym.measurement import DATA_HINT, DataOptions, example_folder, load, measured_data
+from rdpi_gym.support.errors import InputError
 
 
 @pytest.fixture
 def picma() -> Path:
-    folder = measured_data("picma")
-    for name in ("dataset.toml", "identification.csv", "validation.csv"):
-        if folder is None or not (folder / name).is_file():
-            pytest.skip(f"picma/{name} is absent. {DATA_HINT}")
-    return folder
+    return example_folder("picma")
+
+
+def test_an_example_that_does_not_ship_is_refused_with_those_that_do() -> None:
+    with pytest.raises(InputError, match=r"no example is named 'fsm'; there is picma"):
+        example_folder("fsm")
+
+
+def test_its_licence_and_source_lie_beside_it(picma) -> None:
+    assert "Permission is hereby granted" in (picma / "LICENSE").read_text("utf-8")
+    assert "yan9a/DiscreteBacklashOperator" in (picma / "dataset.toml").read_text("utf-8")
+
+
+def test_the_example_is_the_published_record(picma) -> None:
+    published = measured_data("picma")
+    if published is None:
+        pytest.skip(DATA_HINT)
+    for ours, theirs in zip(load(picma).records, load(published).records, strict=True):
+        assert (ours.name, ours.role, ours.ts_s) == (theirs.name, theirs.role, theirs.ts_s)
+        np.testing.assert_array_equal(ours.u_V, theirs.u_V)
+        np.testing.assert_array_equal(ours.y_um, theirs.y_um)
 
 
 def test_picma_records(picma) -> None:
@@ -62,19 +79,19 @@ def test_picma_voltage_steps_where_the_compensator_was_switched_on(picma) -> Non
 
 
 def test_one_picma_file_is_read_with_what_its_folder_says(picma) -> None:
-    data = load(picma / "identification.csv")
+    data = load(picma / "identification.npz")
     assert data.records[0].t_s[0] == pytest.approx(1.0, abs=1e-12)
     assert "dataset.toml holds for this file too" in data.describe()
     assert data.holds_out_quarters
 
 
 def test_where_the_data_are_looked_for(tmp_path, monkeypatch) -> None:
-    (tmp_path / "picma").mkdir()
+    (tmp_path / "friction_damper").mkdir()
     monkeypatch.setenv("RDPI_DATA", str(tmp_path))
-    assert measured_data("picma") == tmp_path / "picma"
+    assert measured_data("friction_damper") == tmp_path / "friction_damper"
     assert measured_data("fsm") is None
 
 
 def test_the_hint_names_sources_and_variable() -> None:
-    for word in ("yan9a/DiscreteBacklashOperator", "merijnfloren/fsm-benchmark-data", "RDPI_DATA"):
+    for word in ("merijnfloren/fsm-benchmark-data", "Dataset-Friction-Damper", "RDPI_DATA"):
         assert word in DATA_HINT

@@ -45,6 +45,6 @@ def test_without_the_records_the_command_says_where_they_are(monkeypatch, tmp_pa
     monkeypatch.delenv("RDPI_DATA", raising=False)
     assert core_plants.main(["--out", str(tmp_path)]) == 2
     line = capsys.readouterr().err
-    assert "the folder picma is missing" in line
+    assert "the folder friction_damper is missing" in line
     assert line.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rdpi_gym.measurement import DATA_HINT, measured_data
+from rdpi_gym.measurement import DataOptions, example_folder, load, write_csv
 from rdpi_gym.signals import (
     SIGNALS,
     Measured,
@@ -216,11 +216,10 @@ def test_a_record_that_cannot_be_read_is_refused(tmp_path):
         Measured.from_file(tmp_path / "latin.csv", "y")
 
 
-def test_the_measured_reference_of_the_picma_record():
-    folder = measured_data("picma")
-    if folder is None:
-        pytest.skip(DATA_HINT)
-    reference = Measured.from_file(folder / "validation.csv", skip_s=1.0)
+def test_the_measured_reference_of_the_picma_record(tmp_path):
+    (record,) = load(example_folder("picma"), DataOptions(skip_s=0.0)).validation
+    write_csv(record, tmp_path / "validation.csv")
+    reference = Measured.from_file(tmp_path / "validation.csv", skip_s=1.0)
     t = np.arange(0.0, 30.0, 5e-3)
     assert np.ptp(reference(t)) == pytest.approx(45.0, abs=10.0)
     assert Sequence(parts=[reference], durations_s=[30.0])(35.0) == pytest.approx(reference(5.0))

@@ -4,7 +4,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from studies.bare_metal.boards import missing
+from studies.bare_metal import missing
 from studies.firmware_cost import RESULTS, main
 
 needs_tools = pytest.mark.skipif(

@@ -2,7 +2,6 @@
 
 import pandas as pd
 
-from rdpi_gym.measurement import measured_data
 from studies.identification import RESULTS, coverage, main, recovery, summary
 
 
@@ -42,7 +41,7 @@ def test_all_tables_are_written(tmp_path, capsys):
     assert names == tables | {"identification.md"}
     assert "## Coverage" in capsys.readouterr().out
     speed = pd.read_csv(tmp_path / "speed.csv")
-    assert len(speed) == (6 if measured_data("picma") else 3)
+    assert len(speed) == 6
     assert (speed["seconds"] > 0).all()
 
 
@@ -52,10 +51,3 @@ def test_the_committed_tables_hold_what_is_wanted():
     figures = "\n".join(table["figure"])
     assert "picma: training error" in figures
     assert pd.read_csv(RESULTS / "coverage.csv")["inside_percent"].mean() >= 90
-
-
-def test_without_the_data_no_plant_is_written(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("RDPI_DATA", str(tmp_path))
-    assert main(["--plant", "--out", str(tmp_path / "out")]) == 2
-    assert "RDPI_DATA" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -1,6 +1,6 @@
 import pandas as pd
 
-from baselines.learned.folder import CURVE
+from baselines.learned.options import CURVE
 from studies import student_seeds
 
 

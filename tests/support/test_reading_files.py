@@ -9,7 +9,6 @@ import socket
 import pytest
 
 from rdpi_gym.support.errors import InputError, printable
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.files import open_regular, parse_json, read_bytes, read_json, read_utf8
 from tests.looping import over
 
@@ -56,29 +55,6 @@ def test_a_file_of_the_largest_size_is_read_and_a_byte_more_is_not(tmp_path) -> 
     (tmp_path / "a").write_bytes(bytes(1000))
     assert len(read_bytes(tmp_path / "a", 1000)) == 1000
     assert "a file of this kind has 0 MiB at most" in line_of(read_bytes, tmp_path / "a", 999)
-
-
-def test_a_field_of_another_type_is_named() -> None:
-    fields = Fields(
-        {"a": True, "b": [1], "c": {"d": "1"}, "e": None, "f": 1e400, "g": 10**400}, "x"
-    )
-    refused = {
-        'x: "a" is True; expected a number': (fields.number, "a"),
-        'x: "a" is True; expected a text': (fields.text, "a"),
-        'x: "b" is 1; expected a list of texts': (fields.texts, "b"),
-        "x: \"c\" is {'d': '1'}; expected a list": (fields.texts, "c"),
-        'x, "c": "d" is \'1\'; expected a number': (fields.inner("c").number, "d"),
-        'x: "e" is None; expected a number': (fields.number, "e"),
-        'x: "f" is inf; expected a number': (fields.number, "f"),
-        'x: "g" is 1': (fields.number, "g"),
-        'x: "h" is missing; expected a number': (fields.number, "h"),
-        'x, "b" is [1]; expected an object': (fields.inner, "b"),
-    }
-    for said, (read, key) in refused.items():
-        assert said in line_of(read, key)
-    assert fields.number("e", null=2.0) == 2.0
-    assert fields.optional_number("h") is None
-    assert Fields({"n": 3}, "x").number("n") == 3.0
 
 
 def test_text_that_is_no_utf8(tmp_path) -> None:

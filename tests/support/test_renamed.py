@@ -24,7 +24,10 @@ def test_a_former_name_imports_the_module_of_today_with_a_warning(monkeypatch):
 
 # What a user imports from each former name: its class, or a function where it had none.
 PUBLIC = {
+    "baselines.adaptive_dual_loop": "AdaptiveDualLoop",
     "baselines.believed": "hysteresis_inverse",
+    "baselines.h_infinity": "HInfinity",
+    "baselines.horizon": "TrueHorizon",
     "baselines.inverses.catalogue": "inverse_of",
     "baselines.inverses.lags": "SensorLagInverse",
     "baselines.inverses.turns": "turns",
@@ -32,9 +35,13 @@ PUBLIC = {
     "baselines.learned.network": "Network",
     "baselines.learned.seen": "Watch",
     "baselines.limits": "Limits",
+    "baselines.lqg": "LQGPreview",
     "baselines.memory": "Rows",
+    "baselines.pi_preview": "PIPreview",
     "baselines.products": "lane_products",
+    "baselines.smith_predictor": "SmithPredictor",
     "baselines.stability": "spectral_radius",
+    "baselines.static_gain": "StaticGain",
     "rdpi_gym.envs.correction": "Correction",
     "rdpi_gym.envs.tasks.noise": "ColouredNoise",
     "rdpi_gym.envs.tasks.page": "page_of",

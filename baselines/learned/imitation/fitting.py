@@ -32,15 +32,6 @@ class Loop:
 
     What it sees is what was seen, changed by what its own corrections change: errors, the estimate,
     what that leaves, and the base's own correction.
-
-    Parameters
-    ----------
-    tensors
-        The network, as :class:`~baselines.learned.imitation.student.Student` has it.
-    weighted
-        As there.
-    visited
-        What was met.
     """
 
     def __init__(self, tensors: Mapping[str, Tensor], weighted: int, visited: Rollout) -> None:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adaptive_dual_loop import AdaptiveDualLoop, CorrectedAdaptive
+from baselines.base import Observation
+from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.learned.envelope import checked_envelope
 from baselines.learned.imitation.student import (
     ARRAYS,
@@ -229,9 +230,7 @@ class StudentController(AdaptiveDualLoop):
         """Samples that the student sees, or the feedforward needs."""
         return max(PREVIEW, super().needed_preview)
 
-    def next_command(
-        self, observation: NDArray[np.floating[Any]], reference_um: Array, state: Array
-    ) -> Array:
+    def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """See :meth:`baselines.base.Baseline.next_command`."""
         check_preview(self.layout, PREVIEW)
         return super().next_command(observation, reference_um, state)

@@ -17,9 +17,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from baselines.adaptive_dual_loop import AdaptiveDualLoop
+from baselines.damping import AdaptiveDualLoop
 from baselines.learned.checkpoint import CheckpointContent, load_checkpoint, save_checkpoint
-from baselines.learned.folder import (
+from baselines.learned.imitation.fitting import Learner
+from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.imitation.student import UNIT_UM, WEIGHTED, fresh_arrays
+from baselines.learned.imitation.teacher import Rollout, Score, roll_out, student_lanes
+from baselines.learned.options import (
     CHECKPOINT,
     CURVE,
     FORMAT,
@@ -30,10 +34,6 @@ from baselines.learned.folder import (
     check_folder,
     curve_text,
 )
-from baselines.learned.imitation.fitting import Learner
-from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.student import UNIT_UM, WEIGHTED, fresh_arrays
-from baselines.learned.imitation.teacher import Rollout, Score, roll_out, student_lanes
 from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.support.arrays import Array
@@ -141,15 +141,7 @@ class Base:
 
 
 class Rounds:
-    """A training, from the newest checkpoint on.
-
-    Parameters
-    ----------
-    options
-        What is asked for.
-    progress
-        Called as steps are done.
-    """
+    """A training, from the newest checkpoint on."""
 
     def __init__(self, options: Options, progress: Progress | None = None) -> None:
         self.options, self.task, self.progress = options, options.stage, progress

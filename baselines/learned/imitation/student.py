@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.adaptive_dual_loop import CorrectedAdaptive
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
+from baselines.base import Observation
+from baselines.damping import CorrectedAdaptive
 from baselines.lanes import lane_products, product
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
@@ -108,11 +109,6 @@ class Student:
                 for name, each in self.arrays.items()
             }
         return Student(rounded, self.weighted)
-
-    def amplified(self, factor: float) -> Student:
-        """Return the student with its answers multiplied."""
-        head = {name: np.float32(factor) * self.arrays[name] for name in ("head", "head_bias")}
-        return Student({**self.arrays, **head}, self.weighted)
 
     @property
     def inputs(self) -> int:
@@ -244,7 +240,7 @@ class StudentFeedforward(CorrectedAdaptive):
         return np.concatenate([super().start(reference_um), own])
 
     def corrected_command(
-        self, observation: NDArray[np.floating[Any]], correction_um: Array, state: Array
+        self, observation: Observation, correction_um: Array, state: Array
     ) -> Array:
         """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_feedback.CorrectedInverse`."""
         inside = state[: self._inside]

@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.adaptive_dual_loop import AdaptiveDualLoop
 from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
 from baselines.classical import pack_inverse
+from baselines.damping import AdaptiveDualLoop
 from baselines.feedforward import Feedforward
 from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, DecisionSample, Float32
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
-from baselines.loops.path import linear_part
-from baselines.loops.systems import LinearSystem
+from baselines.loops import LinearSystem, linear_part
 from rdpi_gym.envs.tasks import Lanes, StageTask
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -29,14 +28,7 @@ RENEWED = 25
 
 @dataclass(frozen=True)
 class Systems:
-    """Linear systems side by side, one a lane: x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k).
-
-    Examples
-    --------
-    >>> late = Systems.of([LinearSystem(np.zeros((1, 1)), np.ones(1), np.ones(1), 0.0)])
-    >>> late.a.shape, late.d.tolist()
-    ((1, 1, 1), [0.0])
-    """
+    """Linear systems side by side, one a lane: x(k+1) = A x(k) + b u(k), y(k) = c x(k) + d u(k)."""
 
     a: Float32
     b: Float32

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal
 
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities
-from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
-from rdpi_gym.support.words import joined, quoted
+from rdpi_gym.support.documents import PLAIN, stored
 
 Zone = Literal["yes", "no", "cannot tell"]
 
@@ -47,12 +46,12 @@ class Check:
     name: str
     value: float | None
     threshold: float | None
-    base_unit: str
+    base_unit: str = field(metadata=stored("unit"))
     zone: Zone
-    found: Statement
-    advice: Statement | None = None
+    found: Statement = field(metadata=stored("sentence"))
+    advice: Statement | None = field(default=None, metadata=stored("next_step"))
     suggests: tuple[str, ...] = ()
-    quantities: Quantities = field(default_factory=Quantities)
+    quantities: Quantities = field(default_factory=Quantities, metadata=stored(omitted=True))
 
     @property
     def unit(self) -> str:
@@ -83,32 +82,11 @@ class Check:
         }
 
     @classmethod
-    def from_fields(cls, fields: Fields) -> Check:
-        """Build from the object of the files; its sentences stay as they are.
-
-        Raises
-        ------
-        InputError
-            A zone that is none.
-        """
-        zone, step = fields.text("zone"), fields.optional_text("next_step")
-        if zone not in get_args(Zone):
-            raise InputError(f"{fields.source}: {quoted(zone)} is none of {joined(get_args(Zone))}")
-        return cls(
-            name=fields.text("name"),
-            value=_finite(fields, "value"),
-            threshold=fields.optional_number("threshold"),
-            base_unit=fields.text("unit"),
-            zone=cast("Zone", zone),
-            found=statement("as written", text=fields.text("sentence")),
-            advice=statement("as written", text=step) if step else None,
-            suggests=fields.texts("suggests"),
-        )
-
-
-def _finite(fields: Fields, key: str) -> float | None:
-    """A number of a file; None where the file has none, or the text of one that is not finite."""
-    return None if fields.raw(key) in ("nan", "inf", "-inf") else fields.optional_number(key)
+    def from_dict(cls, document: Any, source: str = "check") -> Check:
+        """Build from the object of the files; its sentences stay as they are."""
+        if isinstance(document, Mapping) and document.get("value") in ("nan", "inf", "-inf"):
+            document = {**document, "value": None}  # of a saved result: no finite one
+        return PLAIN.read_fields(cls, document, source)
 
 
 def cannot_tell(name: str, code: str, advice: str, **values: object) -> Check:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.support.fields import Fields
+from rdpi_gym.support.documents import Document, stored
 from rdpi_gym.support.words import number
 
 
@@ -24,11 +24,6 @@ class Value:
 
     value: float
     error: float
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Value:
-        """Build from the object of the files."""
-        return cls(fields.number("value"), fields.number("error"))
 
 
 @dataclass(frozen=True)
@@ -48,7 +43,7 @@ class Kin:
 
 
 @dataclass(frozen=True, repr=False)
-class Portrait:
+class Portrait(Document):
     """Where an unknown effect sits in the chain, and what it goes by.
 
     Parameters
@@ -94,8 +89,8 @@ class Portrait:
     power: Value | None
     rate_power: Value | None
     drift_percent: Value | None
-    before_um: float
-    after_um: float
+    before_um: float = field(metadata=stored("validation_rmse_before"))
+    after_um: float = field(metadata=stored("validation_rmse_after"))
     form: str
     nearest: tuple[Kin, ...]
     experiment: str
@@ -106,41 +101,10 @@ class Portrait:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""
-        document = asdict(self)
-        document["validation_rmse_before"] = document.pop("before_um")
-        document["validation_rmse_after"] = document.pop("after_um")
-        for name in ("time_constants_s", "nearest", "sentences"):
-            document[name] = list(document[name])
+        document = super().to_dict()
+        for key in ("validation_rmse_before", "validation_rmse_after"):
+            document[key] = document.pop(key)
         return document
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Portrait:
-        """Build from the object of the files."""
-
-        def value(name: str) -> Value | None:
-            return None if fields.raw(name) is None else Value.from_fields(fields.inner(name))
-
-        memory = fields.raw("memory")
-        return cls(
-            place=fields.optional_text("place"),
-            places=dict(fields.numbers("places")),
-            memory=None if memory is None else bool(memory),
-            memories=fields.number("memories"),
-            time_constants_s=tuple(map(Value.from_fields, fields.objects("time_constants_s"))),
-            parity=fields.optional_text("parity"),
-            parities=dict(fields.numbers("parities")),
-            power=value("power"),
-            rate_power=value("rate_power"),
-            drift_percent=value("drift_percent"),
-            before_um=fields.number("validation_rmse_before"),
-            after_um=fields.number("validation_rmse_after"),
-            form=fields.text("form"),
-            nearest=tuple(
-                Kin(each.text("effect"), each.text("differs")) for each in fields.objects("nearest")
-            ),
-            experiment=fields.text("experiment"),
-            sentences=fields.texts("sentences"),
-        )
 
 
 _DRIFTS = 2.0  # errors from which on a change is one

@@ -9,7 +9,7 @@ from typing import Any
 from rdpi_gym.diagnosis.notices import Notice, Statement
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities, Record
-from rdpi_gym.support.fields import Fields
+from rdpi_gym.support.documents import PLAIN, stored
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Finding:
     kind: str
     record: str
     samples: int
-    text: Statement | str
+    text: Statement | str = field(metadata=stored("sentence"))
     advice: Notice | None = None
-    step: str | None = field(default=None, compare=False)
-    quantities: Quantities = field(default_factory=Quantities)
+    step: str | None = field(default=None, compare=False, metadata=stored("next_step"))
+    quantities: Quantities = field(default_factory=Quantities, metadata=stored(omitted=True))
 
     @property
     def sentence(self) -> str:
@@ -67,16 +67,9 @@ class Finding:
         }
 
     @classmethod
-    def from_fields(cls, fields: Fields) -> Finding:
-        """Build from the object of the files."""
-        return cls(
-            fields.text("kind"),
-            fields.text("record"),
-            int(fields.number("samples")),
-            fields.text("sentence"),
-            Notice.optional(fields, "advice"),
-            fields.text("next_step"),
-        )
+    def from_dict(cls, document: Any, source: str = "finding") -> Finding:
+        """Build from the object of the files; its sentences stay as they are."""
+        return PLAIN.read_fields(cls, document, source)
 
 
 def of_record(code: str, samples: int, record: Record, **values: object) -> Statement:

@@ -17,8 +17,8 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.model import core_from_dict, core_to_dict
+from rdpi_gym.support.documents import PLAIN, at
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fields import Fields
 from rdpi_gym.support.fingerprint import fingerprint, room_files
 from rdpi_gym.support.store import named_rows
 
@@ -74,7 +74,7 @@ class Checkpoint:
             return None
         kinds = {e.name: type(e) for e in present} | {kind.name: kind}
         try:
-            return _fit_of(Fields(row, "a finished candidate"), kinds)
+            return _fit_of(row, kinds)
         except InputError:  # its check sum is right, but no search wrote it: it is fitted again
             return None
 
@@ -128,26 +128,19 @@ def _rounded(value: Any) -> Any:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _fit_of(row: Fields, kinds: Mapping[str, type[Effect]]) -> JointFit:
+def _fit_of(row: Mapping[str, Any], kinds: Mapping[str, type[Effect]]) -> JointFit:
+    source = "a finished candidate"
     effects = []
-    for effect in row.objects("effects"):
-        values = {k: v for k, v in effect.document.items() if k not in ("form", "effect")}
+    for effect in PLAIN.read(list[dict[str, Any]], row.get("effects"), at(source, "effects")):
+        values = {k: v for k, v in effect.items() if k not in ("form", "effect")}
         try:
-            effects.append(kinds[effect.text("effect")](**values))
+            effects.append(kinds[effect["effect"]](**values))
         except (KeyError, TypeError) as error:
-            raise InputError(f"{row.source}: no effect of this search ({error})") from error
-    error_um, converged = row.raw("train_rmse_um"), row.raw("converged")
-    if type(error_um) not in (int, float) or type(converged) is not bool:
-        raise InputError(f"{row.source}: its error is no number, or whether it converged no answer")
-    return JointFit(
-        Variant(core_from_dict(row.raw("hysteresis"), row.source), tuple(effects)),
-        float(error_um),
-        row.texts("at_bound"),
-        row.optional_numbers("standard_errors"),
-        round(row.number("passes")),
-        converged,
-        row.optional_number("smoothness") or 0.0,
-    )
+            raise InputError(f"{source}: no effect of this search ({error})") from error
+    if type(error_um := row.get("train_rmse_um")) is not float:  # infinite where it failed
+        raise InputError(f"{source}: its error is no number")
+    variant = Variant(core_from_dict(row.get("hysteresis"), source), tuple(effects))
+    return PLAIN.read_fields(JointFit, row, source, {"variant": variant, "train_rmse_um": error_um})
 
 
 @cache

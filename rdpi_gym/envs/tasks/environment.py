@@ -31,13 +31,12 @@ class TaskTruths(TruthSource):
         self._task = task
         self.later: Mapping[int, PlantModel] = {}
 
-    def draw(
-        self, rng: np.random.Generator, options: Mapping[str, Any], layout: ObservationLayout
-    ) -> PlantModel:
+    def draw(self, seed: int, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel:
         """Return the plant of an episode; see :meth:`TruthSource.draw`."""
         self.later = {}
         model = self.given(options, layout)
         if model is None:
+            rng = np.random.default_rng(seed)
             number = int(rng.integers(len(self._task.nominals)))
             model, self.later = self._task.truth(rng, number)
         return model

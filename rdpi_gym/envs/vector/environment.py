@@ -46,12 +46,16 @@ def checked_mode(mode: Any) -> AutoresetMode:
         raise InputError(f"autoreset_mode is {shown(mode)}; give one of {modes}") from None
 
 
-def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
-    """Return a seed for each lane: None leaves its generator as it is."""
+def checked_seeds(seed: Any, lanes: int) -> tuple[Words, Flags]:
+    """Seeds of the lanes, and a mask of those that are given one; the others go on as they are."""
     if seed is None:
-        return [None] * lanes
+        return np.zeros(lanes, dtype=np.uint64), np.zeros(lanes, dtype=bool)
     if is_whole(seed, -math.inf):
-        seeds: list[Any] = [int(seed) + lane for lane in range(lanes)]
+        first, last = int(seed), int(seed) + lanes - 1
+        if first >= 0 and last < 2**64:
+            counted = np.uint64(first) + np.arange(lanes, dtype=np.uint64)
+            return counted, np.ones(lanes, dtype=bool)
+        seeds: list[Any] = [first + lane for lane in range(lanes)]
     elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
         seeds = list(np.atleast_1d(seed) if isinstance(seed, np.ndarray) else seed)
     else:
@@ -61,7 +65,8 @@ def checked_seeds(seed: Any, lanes: int) -> list[int | None]:
     for lane, each in enumerate(seeds):
         if each is not None and not (is_whole(each, 0) and each < 2**64):
             raise InputError(f"the seed of lane {lane} is {shown(each)}; seeds are 0 to 2**64 - 1")
-    return seeds
+    values = np.array([each or 0 for each in seeds], dtype=np.uint64)
+    return values, np.array([each is not None for each in seeds])
 
 
 def checked_mask(mask: Any, lanes: int) -> Flags:
@@ -263,17 +268,18 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         """
         chosen = read_options(options, "reset_mask")
         mask = chosen.pop("reset_mask", None)
-        seeds = checked_seeds(seed, self.num_envs)
+        seeds, given = checked_seeds(seed, self.num_envs)
         lanes = np.arange(self.num_envs)
         if mask is not None:
             lanes = np.flatnonzero(checked_mask(mask, self.num_envs))
             if not self._begun:
                 raise ResetNeeded("call reset() for all lanes before reset with a reset_mask")
-        super().reset(seed=seeds[0])
-        self._seed(seeds, lanes)
+        super().reset(seed=int(seeds[0]) if given[0] else None)
+        self._seed(seeds, given, lanes)
         observation, shown = self.task.begin(lanes, chosen)
         self._begun = True
-        self._over = np.setdiff1d(self._over, lanes)
+        if len(self._over):
+            self._over = np.setdiff1d(self._over, lanes)
         rows = np.zeros((len(_INFO), self.num_envs))
         rows[:, lanes] = shown
         self._record(rows, lanes, lanes)
@@ -326,14 +332,13 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
             return None
         return tuple(figure.draw() for figure in self._live_figures())
 
-    def _seed(self, seeds: list[int | None], lanes: Integers) -> None:
+    def _seed(self, seeds: Words, given: Flags, lanes: Integers) -> None:
         """Begin the generators of lanes with a seed anew, and those that never had one."""
-        given = [lane for lane in lanes.tolist() if seeds[lane] is not None]
-        others = [lane for lane in lanes[~self._seeded[lanes]].tolist() if seeds[lane] is None]
-        fresh: Words = np.random.SeedSequence().generate_state(len(others), np.uint64)  # type: ignore[assignment]  # the stubs leave the type open
-        values = np.array([seeds[lane] for lane in given], dtype=np.uint64)
-        self.task.seed(np.array(given, dtype=np.int64), values)
-        self.task.seed(np.array(others, dtype=np.int64), fresh)
+        seeded, others = lanes[given[lanes]], lanes[~(given | self._seeded)[lanes]]
+        self.task.seed(seeded, seeds[seeded])
+        if len(others):
+            fresh: Words = np.random.SeedSequence().generate_state(len(others), np.uint64)  # type: ignore[assignment]  # the stubs leave the type open
+            self.task.seed(others, fresh)
         self._seeded[lanes] = True
 
     def _record(self, shown: Array, lanes: Integers, begun: Integers) -> None:

@@ -119,7 +119,8 @@ def given_rate_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> No
             u[:, b], v[:, b], p[: n + 1, b].copy(), p[n + 1 : 2 * n + 1, b].copy(),
             p[2 * n + 1, b], p[2 * n + 3, b], xi, y[:, b],
         )  # fmt: skip
-        state[2:, b] = xi
+        for i in range(xi.shape[0]):  # an assignment of slices takes two seconds more to compile
+            state[2 + i, b] = xi[i]
 
 
 @njit(cache=True)

@@ -43,7 +43,7 @@ class Look:
     Parameters
     ----------
     kind
-        What is drawn, for example ``loops``: a function of ``studies.effect_pages.panels``.
+        What is drawn, for example ``loops``: a function of ``studies.effect_pictures``.
     title
         Above it.
     arguments

@@ -1,1 +1,0 @@
-"""Linear loops: systems in samples, what a belief says of the path, certificates, bandwidths."""
