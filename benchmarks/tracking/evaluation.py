@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,7 @@ RANKING = (
 )  # fmt: skip
 CASE = ["plant", "reference", "frequency_hz", "ts_s"]
 CONFIDENCE = 0.95
+_EFFORT = "command_total_variation"
 
 
 def score_table(rows: Sequence[Row]) -> pd.DataFrame:
@@ -133,25 +134,17 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
-    draws = drawn(rows)
-    nominal = rows[rows["seed"] == 0]
+    draws, nominal = drawn(rows), rows[rows["seed"] == 0]
     rank, rank_half = interval(draws.groupby("seed")["case_rank"].mean().to_numpy())
-    statuses = rows["status"].tolist()
-    said = tally(statuses)
+    status = tally(rows["status"].tolist())
     if controller == FULL_PREVIEW:
-        said = "bound" if said == "ok" else f"bound, {said}"
-    return {
+        status = "bound" if status == "ok" else f"bound, {status}"
+    return _means(draws, "rmse_percent", "rmse_um", "optimality_gap", _EFFORT) | {
         "controller": controller,
-        **_geometric_mean(draws, "rmse_percent"),
-        "rmse_um": _geometric_mean(draws, "rmse_um")["rmse_um"],
-        "status": said,
-        **_geometric_mean(draws, "optimality_gap"),
-        "seed_0_rmse_percent": _geometric_mean(nominal, "rmse_percent")["rmse_percent"],
+        "status": status,
+        "seed_0_rmse_percent": _means(nominal, "rmse_percent")["rmse_percent"],
         "mean_rank": rank,
         "mean_rank_half_width": rank_half,
-        "command_total_variation": _geometric_mean(draws, "command_total_variation")[
-            "command_total_variation"
-        ],
         "microseconds_per_sample": float(rows["microseconds_per_sample"].median()),
         "rows": len(rows),
         "errors": int(rows["rmse_um"].isna().sum()),
@@ -198,46 +191,36 @@ def _log_means(rows: pd.DataFrame, column: str, by: Sequence[str]) -> pd.Series[
     return means
 
 
-def _geometric_mean(rows: pd.DataFrame, column: str) -> dict[str, float]:
-    by_seed = _log_means(rows, column, ["seed"])
-    mean, half = (
-        interval(np.asarray(by_seed, dtype=np.float64)) if len(by_seed) else (np.nan, np.nan)
-    )
-    return {
-        column: float(np.exp(mean)),
-        f"{column}_low": float(np.exp(mean - half)),
-        f"{column}_high": float(np.exp(mean + half)),
-    }
+def _means(rows: pd.DataFrame, *columns: str) -> dict[str, float]:
+    """Geometric means of columns over the cases and seeds, each with its confidence interval."""
+    found = {}
+    for column in columns:
+        by_seed = np.asarray(_log_means(rows, column, ["seed"]), dtype=np.float64)
+        mean, half = interval(by_seed) if len(by_seed) else (np.nan, np.nan)
+        for name, log in (("", mean), ("_low", mean - half), ("_high", mean + half)):
+            found[f"{column}{name}"] = float(np.exp(log))
+    return found
 
 
 def by_case(table: pd.DataFrame) -> pd.DataFrame:
     """Summarise every controller and case: geometric means over the drawn seeds."""
     names = ["controller", *CASE]
-    means = _summary(table, names, with_interval=True)
-    um = _summary(table, names, with_interval=False, error="rmse_um")
-    said = table.groupby(names, sort=False)["status"].agg(lambda rows: tally(rows.tolist()))
-    means["rmse_um"] = um["rmse_um"]
-    return means.merge(said.reset_index(), on=names)
+    columns = ["rmse_percent", "rmse_percent_low", "rmse_percent_high", _EFFORT, "rmse_um"]
+    status = table.groupby(names, sort=False)["status"].agg(lambda rows: tally(rows.tolist()))
+    return _summary(table, names, columns).merge(status.reset_index(), on=names)
 
 
 def by_sampling_time(table: pd.DataFrame) -> pd.DataFrame:
     """Summarise every controller, plant and sampling time: geometric means over the drawn seeds."""
-    return _summary(table, ["controller", "plant", "ts_s"], with_interval=False)
+    return _summary(table, ["controller", "plant", "ts_s"], ["rmse_percent", _EFFORT])
 
 
-def _summary(
-    table: pd.DataFrame, names: list[str], *, with_interval: bool, error: str = "rmse_percent"
-) -> pd.DataFrame:
-    effort = "command_total_variation"
-    lines = []
-    for values, rows in drawn(table).groupby(names, sort=False):
-        means = _geometric_mean(rows, error)
-        lines.append(
-            dict(zip(names, values, strict=True))
-            | (means if with_interval else {error: means[error]})
-            | {effort: _geometric_mean(rows, effort)[effort]}
-        )
-    return pd.DataFrame(lines)
+def _summary(table: pd.DataFrame, names: list[str], columns: list[str]) -> pd.DataFrame:
+    lines = [
+        dict(zip(names, values, strict=True)) | _means(rows, "rmse_percent", "rmse_um", _EFFORT)
+        for values, rows in drawn(table).groupby(names, sort=False)
+    ]
+    return pd.DataFrame(lines, columns=[*names, *columns])
 
 
 MEASURED_PLANT = "picma"
@@ -358,7 +341,6 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
         (
             *selection.notes,
             *_where_they_run(selection),
-            *_where_they_suit(selection),
             *left_out(selection),
             *_unranked(beyond),
         ),
@@ -410,47 +392,34 @@ def _unranked(beyond: list[tuple[str, str, float, float]]) -> list[str]:
 
 def _in_ranking(selection: Selection, counted: pd.DataFrame) -> pd.DataFrame:
     """Return the rows that the ranking is over: no policy that ran in a part of the cases only."""
+    ranked = {name for name in selection.controllers if selection.is_ranked(name)}
     times = {stage.plant.name: stage.ts_s for stage in selection.stages}
-    ranked = [name for name in selection.controllers if selection.is_ranked(name)]
-    kept = [
-        name in ranked and ts in times[plant]
-        for name, plant, ts in counted[["controller", "plant", "ts_s"]].itertuples(index=False)
-    ]
-    return counted.loc[kept]
+    rows = counted[["controller", "plant", "ts_s"]].itertuples(index=False)
+    return counted.loc[[name in ranked and ts in times[plant] for name, plant, ts in rows]]
 
 
 def _where_trained(selection: Selection, counted: pd.DataFrame) -> dict[float, pd.DataFrame]:
-    own_s = {
-        ts: [name for name, own in selection.trained_s.items() if own == ts]
-        for ts in sorted(set(selection.trained_s.values()))
-    }
-    return {
-        ts: ranking(counted[np.isclose(counted["ts_s"], ts)])
-        for ts, names in own_s.items()
-        if not all(selection.is_ranked(name) for name in names)
-    }
+    """Return the rankings at the sampling times (s) of policies that are not in the main one."""
+    apart = {ts for name, ts in selection.trained_s.items() if not selection.is_ranked(name)}
+    return {ts: ranking(counted[np.isclose(counted["ts_s"], ts)]) for ts in sorted(apart)}
 
 
-def _where_they_run(selection: Selection) -> tuple[str, ...]:
-    """Say of the policies that are not in the ranking where they are ranked."""
+def _where_they_run(selection: Selection) -> Iterator[str]:
+    """State of what is not in the ranking where it runs: policies, and controllers of another core."""
     apart = {n: ts for n, ts in selection.trained_s.items() if not selection.is_ranked(n)}
-    return tuple(
-        f"Ranked at Ts = {ts:g} s only, where they were trained and can run: "
-        f"{', '.join(name for name, own in apart.items() if own == ts)}; on "
-        f"{', '.join(stage.plant.name for stage in selection.stages if ts in stage.every_ts_s)}."
-        for ts in sorted(set(apart.values()))
-    )
-
-
-def _where_they_suit(selection: Selection) -> tuple[str, ...]:
-    """Say which controllers are not in the ranking since some plants have another core than theirs."""
-    apart: dict[tuple[str, ...], list[str]] = {}
+    for ts in sorted(set(apart.values())):
+        yield (
+            f"Ranked at Ts = {ts:g} s only, where they were trained and can run: "
+            f"{', '.join(name for name, own in apart.items() if own == ts)}; on "
+            f"{', '.join(s.plant.name for s in selection.stages if ts in s.every_ts_s)}."
+        )
+    unsuited: dict[tuple[str, ...], list[str]] = {}
     for name in selection.controllers:
         on = tuple(s.plant.name for s in selection.stages if selection.suits(name, s))
         if len(on) < len(selection.stages):
-            apart.setdefault(on, []).append(name)
-    return tuple(
-        f"Not in the ranking, since they invert another core than some of the plants have, and run on "
-        f"{', '.join(on)} only: {', '.join(names)}."
-        for on, names in apart.items()
-    )
+            unsuited.setdefault(on, []).append(name)
+    for on, names in unsuited.items():
+        yield (
+            "Not in the ranking, since they invert another core than some of the plants have, and "
+            f"run on {', '.join(on)} only: {', '.join(names)}."
+        )
