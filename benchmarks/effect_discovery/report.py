@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -227,6 +227,16 @@ class Target:
         )
 
 
+class Goal(NamedTuple):
+    """A share that is asked of the cases of a study."""
+
+    study: str
+    asks: str
+    percent: float
+    fulfils: Mask
+    by_class: str = ""  # column of the cases that fulfil it by class alone
+
+
 def _silent(j: pd.DataFrame) -> pd.Series[bool]:
     return (j["additions"] == 0) & (j["status"] == "done")
 
@@ -338,23 +348,23 @@ def _target_table(targets: Sequence[Target]) -> str:
 
 # --- the virtual lab's truth ---
 
-_INDEPENDENT_TARGETS: tuple[tuple[str, str, float, Mask], ...] = (
-    ("single", "the right effect ranked first", 97.0, lambda j: j["first_right"]),
-    (
+_INDEPENDENT_TARGETS: tuple[Goal, ...] = (
+    Goal("single", "the right effect ranked first", 97.0, lambda j: j["first_right"]),
+    Goal(
         "single",
         f"validation error at most {LARGEST_RATIO} x noise, the right effect added",
         90.0,
         lambda j: j["within"] & j["found"],
     ),
-    ("pairs", "both effects found", 85.0, lambda j: j["found"]),
-    ("pairs", "no third effect", 90.0, _silent),
-    (
+    Goal("pairs", "both effects found", 85.0, lambda j: j["found"]),
+    Goal("pairs", "no third effect", 90.0, _silent),
+    Goal(
         "none",
         "`no missing effect`",
         98.0,
         lambda j: (j["verdict"] == "no missing effect") & _silent(j),
     ),
-    (
+    Goal(
         "outside",
         f"never `explained` with more than {_OUTSIDE_RATIO:g} x noise left",
         100.0,
@@ -377,28 +387,29 @@ def independent_targets(rows: Sequence[Row]) -> list[Target]:
     j = judgements(rows)
     if j.empty:
         return []
-    found = [
-        _independent_target(j[j["study"] == study], study, asks, percent, fulfils)
-        for study, asks, percent, fulfils in _INDEPENDENT_TARGETS
-    ]
+    parts = [(goal, goal.study, j[j["study"] == goal.study]) for goal in _INDEPENDENT_TARGETS]
     nothing, effect = j["subject"] == "nothing", j["subject"].isin(HIDEABLE)
     kinds = {"none": nothing, "single": effect, "outside": ~nothing & ~effect}
     changed = j["study"] == "invariance"
     for variant in j.loc[changed, "variant"].drop_duplicates():
-        for study, asks, percent, fulfils in _INDEPENDENT_TARGETS:
-            if study in kinds:
-                part = j[changed & (j["variant"] == variant) & kinds[study]]
-                name = f"{study}, {variant}"
-                found.append(_independent_target(part, name, asks, percent, fulfils))
-    return [target for target in found if target.cases]
-
-
-def _independent_target(
-    part: pd.DataFrame, study: str, asks: str, percent: float, fulfils: Mask
-) -> Target:
-    added, on = int(part["additions"].sum()), int((part["additions"] > 0).sum())
-    falsely = f"{added} on {on} of {len(part)}" if added else "0"
-    return Target(study, asks, percent, int(fulfils(part).sum()), len(part), falsely_added=falsely)
+        parts += [
+            (
+                goal,
+                f"{goal.study}, {variant}",
+                j[changed & (j["variant"] == variant) & kinds[goal.study]],
+            )
+            for goal in _INDEPENDENT_TARGETS
+            if goal.study in kinds
+        ]
+    found = []
+    for goal, study, part in parts:
+        if len(part):
+            added, on = int(part["additions"].sum()), int((part["additions"] > 0).sum())
+            falsely = f"{added} on {on} of {len(part)}" if added else "0"
+            reached = int(goal.fulfils(part).sum())
+            asks = (study, goal.asks, goal.percent)
+            found.append(Target(*asks, reached, len(part), falsely_added=falsely))
+    return found
 
 
 def by_subject(rows: Sequence[Row]) -> pd.DataFrame:
@@ -459,18 +470,18 @@ def _independent_sections(rows: Sequence[Row]) -> list[str]:
 
 # --- the foreign truth ---
 
-_FOREIGN_TARGETS: tuple[tuple[str, str, float, Mask, str], ...] = (
-    (
+_FOREIGN_TARGETS: tuple[Goal, ...] = (
+    Goal(
         "single",
         "the right effect ranked first",
         95.0,
         lambda j: j["first_right"],
         "first_by_class",
     ),
-    ("double", "both effects named", 85.0, lambda j: j["found"], "found_by_class"),
-    ("triple", "all three effects named", 80.0, lambda j: j["found"], "found_by_class"),
-    ("none", "nothing named", 98.0, _silent, ""),
-    ("single", "verdict `explained`", 85.0, lambda j: j["verdict"] == "explained", ""),
+    Goal("double", "both effects named", 85.0, lambda j: j["found"], "found_by_class"),
+    Goal("triple", "all three effects named", 80.0, lambda j: j["found"], "found_by_class"),
+    Goal("none", "nothing named", 98.0, _silent),
+    Goal("single", "verdict `explained`", 85.0, lambda j: j["verdict"] == "explained"),
 )
 _SHARES = (
     "cases", "failed", "first_exact", "first_by_class", "named_exact", "named_by_class", "explained",
@@ -490,18 +501,19 @@ def foreign_targets(rows: Sequence[Row]) -> list[Target]:
     if j.empty:
         return []
     found = []
-    for study, asks, percent, fulfils, by_class in _FOREIGN_TARGETS:
-        part = j[j["study"] == study]
+    for goal in _FOREIGN_TARGETS:
+        part = j[j["study"] == goal.study]
         if len(part):
-            classes = int(part[by_class].sum()) if by_class else 0
-            found.append(Target(study, asks, percent, int(fulfils(part).sum()), len(part), classes))
+            classes = int(part[goal.by_class].sum()) if goal.by_class else 0
+            reached = int(goal.fulfils(part).sum())
+            found.append(Target(goal.study, goal.asks, goal.percent, reached, len(part), classes))
     done = _done(j)
     wrong, true = int((j["additions"] > 0).sum()), int(_true(done["all_true"]).sum())
-    asks = "an effect added that is not there"
-    found.append(Target("all", asks, 5.0, wrong, len(j), 0, at_most=True))
-    asks = "what is said about what is left is true"
-    found.append(Target("all", asks, 98.0, true, len(done), 0))
-    return found
+    return [
+        *found,
+        Target("all", "an effect added that is not there", 5.0, wrong, len(j), 0, at_most=True),
+        Target("all", "what is said about what is left is true", 98.0, true, len(done), 0),
+    ]
 
 
 def _statement_table(j: pd.DataFrame) -> pd.DataFrame:
@@ -515,18 +527,18 @@ def _statement_table(j: pd.DataFrame) -> pd.DataFrame:
 
 def _noticed_table(j: pd.DataFrame) -> pd.DataFrame:
     """Count, for each degradation, how often it was found in the data, and what else was."""
-    lines: list[dict[str, object]] = []
-    for degraded, part in _done(j).groupby("degraded", sort=False):
-        kinds = part["findings"].str.split("+").explode()
-        lines.append(
+    return pd.DataFrame(
+        [
             {
                 "degraded": degraded,
                 "cases": len(part),
                 "noticed": int(part["noticed"].sum()),
                 "findings": _counts(kinds[kinds != ""]),
             }
-        )
-    return pd.DataFrame(lines)
+            for degraded, part in _done(j).groupby("degraded", sort=False)
+            for kinds in [part["findings"].str.split("+").explode()]
+        ]
+    )
 
 
 def _foreign_sections(rows: Sequence[Row]) -> list[str]:

@@ -75,21 +75,22 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
         "p90": ninetieth(errors[:, picked]),
         "iqm": interquartile_mean(errors[:, picked]),
     }
-    lines = []
-    for i, name in enumerate(names):
-        own = table[table["controller"] == name]
-        lines.append(
-            {
-                "controller": name,
-                "failed": float(fails[i].mean()),
-                "p90_percent": float(ninetieth(errors[i])),
-                **_interval("p90", drawn["p90"][i]),
-                "iqm_percent": float(interquartile_mean(errors[i])),
-                **_interval("iqm", drawn["iqm"][i]),
-                **_rest(own, errors[i]),
-            }
-        )
-    ranked = pd.DataFrame(lines)
+    ends = {name: _ends(each) for name, each in drawn.items()}
+    ranked = pd.DataFrame(
+        [
+            _rest(table[table["controller"] == name], each)
+            for name, each in zip(names, errors, strict=True)
+        ]
+    ).assign(
+        controller=names,
+        failed=fails.mean(axis=1),
+        p90_percent=ninetieth(errors),
+        p90_low=ends["p90"][0],
+        p90_high=ends["p90"][1],
+        iqm_percent=[float(interquartile_mean(each)) for each in errors],
+        iqm_low=ends["iqm"][0],
+        iqm_high=ends["iqm"][1],
+    )
     is_rival = (ranked["controller"] != HORIZON_BOUND) & (ranked["sees"] == PREVIEW)
     rivals: list[int] = np.flatnonzero(is_rival).tolist()
     behind = np.array(
@@ -122,14 +123,9 @@ def _errors_and_fails(
     return counted, np.asarray(failed, dtype=np.float64)
 
 
-def _interval(name: str, drawn: Array) -> dict[str, float]:
-    low, high = _range(drawn)
-    return {f"{name}_low": low, f"{name}_high": high}
-
-
-def _range(drawn: Array) -> tuple[float, float]:
-    low, high = np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
-    return float(low), float(high)
+def _ends(drawn: Array) -> Array:
+    """Ends of the confidence interval along the last axis, low and high."""
+    return np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=-1)
 
 
 def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
@@ -138,9 +134,9 @@ def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
     if more:
         return more > 0.0
     for each in drawn.values():
-        low, high = _range(each[a] - each[b])
+        low, high = _ends(each[a] - each[b])
         if low > 0.0 or high < 0.0:
-            return low > 0.0
+            return bool(low > 0.0)
     return False
 
 

@@ -161,20 +161,20 @@ def select(
     believed = _plant(belief) if isinstance(belief, str) else belief
     told = models if believed is None else [believed]
     notes: tuple[str, ...] = ()
-    controllers_asked = controllers
+    factories = dict(factories or {})
+    requested = {*own_controllers, *factories, *(controllers or ())}
     if controllers is None:
         shipped, notes = shipped_policies()
         with_effects = any(model.effects for model in told)
         inverted = tuple(kind for kind in map(needed_core, CONTROLLERS) if kind is not None)
         with_cores = any(not isinstance(model.hysteresis, inverted) for model in told)
-        controllers = [
+        suited = (
             name
             for name in CONTROLLERS
             if (with_effects or not inverts_effects(name))
             and (with_cores or not inverts_any_core(name))
-        ]
-        controllers += [FULL_PREVIEW, *shipped]
-    factories = dict(factories or {})
+        )
+        controllers = [*suited, FULL_PREVIEW, *shipped]
     names = tuple(dict.fromkeys((*controllers, *own_controllers, *factories)))
     own = [name for name in names if name not in CONTROLLERS and name != FULL_PREVIEW]
     for name in own:
@@ -200,9 +200,7 @@ def select(
         alone = set(names) <= {*trained, FULL_PREVIEW}
         stages = _with_trained(stages, sorted(set(trained.values())), alone)
     selection = Selection(names, stages, wanted, tuple(seeds), notes, trained, factories)
-    asked_for = {*own_controllers, *factories, *(controllers_asked or ())}
-    selection = _without_unsuited(selection, asked=asked_for)
-    selection = _without_idle(selection, asked=asked_for)
+    selection = _without_idle(_without_unsuited(selection, requested), requested)
     if not any(s.cases(wanted, ts) for s in selection.stages for ts in s.ts_s):
         raise InputError(
             f"no reference among {', '.join(wanted)} suits these sampling times: a period must have "
@@ -236,50 +234,41 @@ def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
                 f"{cores}; core-inverse inverts any"
             )
         unsuited.setdefault(needed.name, []).append(name)
-    if not unsuited:
-        return selection
-    out = [name for names in unsuited.values() for name in names]
-    return replace(
+    return _without(
         selection,
-        controllers=tuple(name for name in selection.controllers if name not in out),
-        notes=(
-            *selection.notes,
-            *(
-                f"Left out, since they invert the core {core} and the belief has {cores}: {', '.join(names)}."
-                for core, names in unsuited.items()
-            ),
-        ),
-        trained_s={n: ts for n, ts in selection.trained_s.items() if n not in out},
+        {
+            f"Left out, since they invert the core {core} and the belief has {cores}": names
+            for core, names in unsuited.items()
+        },
     )
 
 
 def _without_idle(selection: Selection, asked: set[str]) -> Selection:
     """Leave out policies that run nowhere; one that was asked for is an error."""
-    idle = [
-        name
-        for name in selection.trained_s
-        if not any(
-            selection.runs_at(name, stage, ts)
-            for stage in selection.stages
-            for ts in stage.every_ts_s
+    settings = [(stage, ts) for stage in selection.stages for ts in stage.every_ts_s]
+    idle = {
+        name: ts
+        for name, ts in selection.trained_s.items()
+        if not any(selection.runs_at(name, *setting) for setting in settings)
+    }
+    for name in asked & idle.keys():
+        raise InputError(
+            f"{name} was trained at Ts = {idle[name]:g} s, at which none of these plants is scored; "
+            f"give --ts {idle[name]:g}, or another plant"
         )
-    ]
-    if not idle:
-        return selection
-    for name in idle:
-        if name in asked:
-            raise InputError(
-                f"{name} was trained at Ts = {selection.trained_s[name]:g} s, at which none of these plants is scored; "
-                f"give --ts {selection.trained_s[name]:g}, or another plant"
-            )
+    why = "Left out, since they were trained at another sampling time"
+    return _without(selection, {why: list(idle)} if idle else {})
+
+
+def _without(selection: Selection, names: Mapping[str, Sequence[str]]) -> Selection:
+    """Leave controllers out, with a note for each reason."""
+    out = {name for each in names.values() for name in each}
+    notes = (f"{reason}: {', '.join(each)}." for reason, each in names.items())
     return replace(
         selection,
-        controllers=tuple(name for name in selection.controllers if name not in idle),
-        notes=(
-            *selection.notes,
-            f"Left out, since they were trained at another sampling time: {', '.join(idle)}.",
-        ),
-        trained_s={n: ts for n, ts in selection.trained_s.items() if n not in idle},
+        controllers=tuple(name for name in selection.controllers if name not in out),
+        notes=(*selection.notes, *notes),
+        trained_s={name: ts for name, ts in selection.trained_s.items() if name not in out},
     )
 
 
