@@ -33,6 +33,7 @@ RANKING = (
     "seed_0_rmse_percent", "mean_rank", "mean_rank_half_width", "places",
     "command_total_variation", "microseconds_per_sample", "rows", "errors",
 )  # fmt: skip
+"""Columns of a ranking as ``ranking.csv`` has them; ``cautions`` beside them is the status of a bound too."""
 CASE = ["plant", "reference", "frequency_hz", "ts_s"]
 CONFIDENCE = 0.95
 _EFFORT = "command_total_variation"
@@ -124,7 +125,7 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     ranks = errors.groupby([rivals[name] for name in [*CASE, "seed"]]).rank(method="average")
     table = table.assign(case_rank=ranks)
     lines = [_line(str(name), rows) for name, rows in table.groupby("controller", sort=False)]
-    ranked = pd.DataFrame(lines, columns=list(RANKING)).sort_values(
+    ranked = pd.DataFrame(lines, columns=[*RANKING, "cautions"]).sort_values(
         ["rmse_percent", "mean_rank"], na_position="last", ignore_index=True
     )
     labels = _labels(rivals, [str(name) for name in ranked["controller"]])
@@ -136,12 +137,13 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
 def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
     draws, nominal = drawn(rows), rows[rows["seed"] == 0]
     rank, rank_half = interval(draws.groupby("seed")["case_rank"].mean().to_numpy())
-    status = tally(rows["status"].tolist())
+    status = cautions = tally(rows["status"].tolist())
     if controller == FULL_PREVIEW:
-        status = "bound" if status == "ok" else f"bound, {status}"
+        status = "bound" if cautions == "ok" else f"bound, {cautions}"
     return _means(draws, "rmse_percent", "rmse_um", "optimality_gap", _EFFORT) | {
         "controller": controller,
         "status": status,
+        "cautions": cautions,
         "seed_0_rmse_percent": _means(nominal, "rmse_percent")["rmse_percent"],
         "mean_rank": rank,
         "mean_rank_half_width": rank_half,

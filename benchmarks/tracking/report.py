@@ -14,7 +14,14 @@ from benchmarks.payoff.report import payoff_part, payoff_section
 from benchmarks.rows import paragraphs, write_csv
 from benchmarks.tracking import charts
 from benchmarks.tracking.episode import MEANING, words
-from benchmarks.tracking.evaluation import COLUMNS, CONFIDENCE, Evaluation, ranged, ranking_view
+from benchmarks.tracking.evaluation import (
+    COLUMNS,
+    CONFIDENCE,
+    RANKING,
+    Evaluation,
+    ranged,
+    ranking_view,
+)
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
 from rdpi_gym.report.page import Section, write_page
@@ -180,7 +187,7 @@ def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None 
         table = pd.concat([table, payoff[list(COLUMNS)]], ignore_index=True)
         text += f"\n{payoff_part(payoff)}"
     rankings = [(float("nan"), evaluation.ranking), *evaluation.where_trained.items()]
-    parts = [part.assign(ts_s=ts)[["ts_s", *part.columns]] for ts, part in rankings]
+    parts = [part.assign(ts_s=ts)[["ts_s", *RANKING]] for ts, part in rankings]
     write_csv(out / "leaderboard.csv", table)
     write_csv(out / "ranking.csv", pd.concat(parts, ignore_index=True))
     if not evaluation.measured.table.empty:
@@ -275,7 +282,7 @@ def table_view(frame: pd.DataFrame) -> pd.DataFrame:
     Other intervals are omitted; they are in the leaderboard.
     """
     view: dict[str, Sequence[object] | pd.Series[Any]] = {}
-    for name in frame.columns:
+    for name in frame.columns.drop("cautions", errors="ignore"):
         stem = next((name.removesuffix(end) for end in _WIDTHS if name.endswith(end)), name)
         if stem != name and stem in frame.columns:
             continue

@@ -142,9 +142,14 @@ def made_benchmark():
         rmse = np.sort(rng.uniform(0.05, 4.0, len(CONTROLLERS)))
         ranking = pd.DataFrame(
             {
-                "place": ["1 to 2", "1 to 2", *map(str, range(3, len(rmse) + 1))],
+                "rank": ["1=", "1=", *map(str, range(3, len(rmse) + 1))],
                 "controller": CONTROLLERS,
                 "status": [
+                    "ok",
+                    "unstable in 300 of 530 rows, saturated, extrapolated",
+                    *["ok"] * 6,
+                ],
+                "cautions": [
                     "ok",
                     "unstable in 300 of 530 rows, saturated, extrapolated",
                     *["ok"] * 6,
