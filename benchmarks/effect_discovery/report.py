@@ -139,7 +139,7 @@ def judge_statements(row: Mapping[str, Any]) -> dict[str, Any]:
         explained_true = bool(clean <= EXPLAINED * math.hypot(noise, floor))
     if row.get("sampling"):
         sampling_true = sampling_matters(truth)
-    said = [x for x in (share_true, hidden_true, explained_true, sampling_true) if x is not None]
+    made = [x for x in (share_true, hidden_true, explained_true, sampling_true) if x is not None]
     return {
         "clean_ratio": clean / noise,
         "true_share": share,
@@ -147,7 +147,7 @@ def judge_statements(row: Mapping[str, Any]) -> dict[str, Any]:
         "hidden_true": hidden_true,
         "explained_true": explained_true,
         "sampling_true": sampling_true,
-        "all_true": all(said),
+        "all_true": all(made),
     }
 
 
@@ -520,8 +520,8 @@ def _statement_table(j: pd.DataFrame) -> pd.DataFrame:
     """Count, for each kind of statement, how often it was made and how often it was true."""
     lines = []
     for column, name in _STATEMENTS:
-        said = j[column].dropna() if column in j else pd.Series(dtype=bool)
-        lines.append({"sentence": name, "said": len(said), "true": int(_true(said).sum())})
+        made = j[column].dropna() if column in j else pd.Series(dtype=bool)
+        lines.append({"sentence": name, "said": len(made), "true": int(_true(made).sum())})
     return pd.DataFrame(lines)
 
 

@@ -107,8 +107,8 @@ def _by_case(table: pd.DataFrame) -> pd.DataFrame:
             for reference, hz in zip(table["reference"], table["frequency_hz"], strict=True)
         ],
         text=[
-            "diverged" if words([said]) & {DIVERGED, ERROR} else number(rmse)
-            for said, rmse in zip(table["status"], table["rmse_um"], strict=True)
+            "diverged" if words([status]) & {DIVERGED, ERROR} else number(rmse)
+            for status, rmse in zip(table["status"], table["rmse_um"], strict=True)
         ],
     )
     keys = ["plant", "controller", "belief"]

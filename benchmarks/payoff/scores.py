@@ -17,12 +17,11 @@ from benchmarks.effect_discovery.cases import study_fingerprint
 from benchmarks.rows import complete, print_note
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.controllers import code_fingerprint
-from benchmarks.tracking.episode import microseconds_per_sample, record, score_lane
+from benchmarks.tracking.episode import score_lane, timed_recording
 from benchmarks.tracking.evaluation import COLUMNS as SCORES
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, make_stage
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset
@@ -267,12 +266,11 @@ def run_task(task: Task) -> list[Row]:
     layout = ObservationLayout.for_plant(stage.plant, TS_S, preview=PREVIEW)
     references = stage.references([(case, task.seed) for case in cases], TS_S, PREVIEW)
     belief = limit_band(task.belief, RATE_BANDWIDTH_HZ)
-    timed = microseconds_per_sample(
-        make_controller(task.controller, belief, layout), stage.plant, layout, references[:, 0]
-    )
-    controller = make_controller(task.controller, belief, layout)
     rngs = [np.random.default_rng([task.seed, lane]) for lane in range(len(cases))]
-    taken = record(controller, [stage.plant] * len(cases), layout, references, rngs)
+    recording, warning, timed = timed_recording(
+        lambda _: make_controller(task.controller, belief, layout),
+        [stage.plant] * len(cases), layout, references, rngs,
+    )  # fmt: skip
     common = {
         "code": task.code,
         "controller": task.controller,
@@ -285,9 +283,9 @@ def run_task(task: Task) -> list[Row]:
     rows = []
     for lane, case in enumerate(cases):
         named = {"reference": case.reference, "frequency_hz": case.frequency_hz}
-        scored, said = score_lane(
-            case, TS_S, references, taken, lane, warning=warning_of(controller), identified_V_s=None
+        scored, text = score_lane(
+            case, TS_S, references, recording, lane, warning=warning, identified_V_s=None
         )
-        scores = {**asdict(scored), "status": said}
+        scores = {**asdict(scored), "status": text}
         rows.append({"key": task.key(case), **common, **named, **scores})
     return rows

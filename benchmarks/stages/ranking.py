@@ -298,13 +298,13 @@ class TaskScores:
             parts += [f"## {task}", f"{title}. {self.seen}", frame_table(view(part))]
             failed = part[part["failure"] != ""]
             if not failed.empty:
-                said = "; ".join(
+                reasons = "; ".join(
                     f"`{name}`: {reason}"
                     for name, reason in zip(
                         failed["controller"], failed["failure"].map(_short), strict=True
                     )
                 )
-                parts.append(f"First reason of each that failed anywhere: {said}.")
+                parts.append(f"First reason of each that failed anywhere: {reasons}.")
         return paragraphs(parts)
 
 
@@ -327,19 +327,19 @@ def view(ranked: pd.DataFrame) -> pd.DataFrame:
 
 
 def _short(text: object, most: int = 70) -> str:
-    said = str(text).split("; ")[0]
-    return said if len(said) <= most else f"{said[: most - 1]}…"
+    first = str(text).split("; ")[0]
+    return first if len(first) <= most else f"{first[: most - 1]}…"
 
 
 def _first(task: str, ranked: pd.DataFrame) -> str:
     rivals = rivals_of(ranked)
     best = rivals.iloc[0]
     tied = rivals.loc[rivals["rank"] == best["rank"], "controller"].tolist()[1:]
-    said = (
+    sentence = (
         f"{task}: {best['controller']} first, IQM {number(best['iqm_percent'])} %, 90th percentile "
         f"{number(best['p90_percent'])} %, failed on {number(100.0 * best['failed'])} % of the plants"
     )
-    return said + (f"; tied with it: {', '.join(tied)}." if tied else ".")
+    return sentence + (f"; tied with it: {', '.join(tied)}." if tied else ".")
 
 
 def _line(task: str, ranked: pd.DataFrame, correlation: float) -> dict[str, object]:

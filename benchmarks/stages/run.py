@@ -96,13 +96,13 @@ def _run(unit: Unit) -> dict[int, Row]:
                 alone, first.truth, lanes.layout(), first.references_um[:, 0]
             )
         if timed > SLOWEST_US:
-            said = f"{SLOW}: {timed:.3g} µs a sample, at most {SLOWEST_US:g} are allowed"
-            slow = _failed(said) | {"microseconds_per_sample": timed}
+            reason = f"{SLOW}: {timed:.3g} µs a sample, at most {SLOWEST_US:g} are allowed"
+            slow = _failed(reason) | {"microseconds_per_sample": timed}
             rows |= {draw.number: slow for draw in lanes.draws}
             continue
         controller = _controller(unit, lanes)
         taken = _passes(controller, lanes)
-        common = {"microseconds_per_sample": timed, **_said(controller)}
+        common = {"microseconds_per_sample": timed, **_statements(controller)}
         rows |= {number: row | common for number, row in plant_scores(task, lanes, taken).items()}
     return rows
 
@@ -126,7 +126,8 @@ def _controller(unit: Unit, lanes: Lanes) -> Controller:
     return make_controller(unit.factory or unit.controller, lanes.belief, layout)
 
 
-def _said(controller: Any) -> Row:
+def _statements(controller: Any) -> Row:
+    """Return what a controller states of itself."""
     sees = WHOLE if hasattr(controller, "plan") else PREVIEW
     return {
         "warning": warning_of(controller),

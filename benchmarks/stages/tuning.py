@@ -131,8 +131,8 @@ def tune(
     )
     write_tunings(path, name, known | {asked.name: tuning})
     made = _made(name, settings, belief, asked.layout())
-    said = certificate_of(made), warning_of(made)
-    return Tuned(name, asked.name, tuning, _done(study), before, after, *said, path)
+    statements = certificate_of(made), warning_of(made)
+    return Tuned(name, asked.name, tuning, _done(study), before, after, *statements, path)
 
 
 def _chosen(
@@ -169,8 +169,8 @@ def certified(name: str, task: str) -> str:
     asked = named_task(task)
     made = make_controller(name, asked.belief(), asked.layout())
     warned = warning_of(made)
-    said = f"{name} on {asked.name}, certificate: {certificate_of(made) or 'none'}"
-    return f"{said}; warning: {warned}" if warned else said
+    line = f"{name} on {asked.name}, certificate: {certificate_of(made) or 'none'}"
+    return f"{line}; warning: {warned}" if warned else line
 
 
 def figures(

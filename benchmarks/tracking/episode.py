@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from benchmarks.tracking.case import Case
 from benchmarks.tracking.stages import COVERED
 from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs.controller import Controller, warning_of
 from rdpi_gym.envs.tracking import NoiseSource
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -99,6 +100,20 @@ def microseconds_per_sample(
         observation = task.step(layout.place_to_V(action))
         starts = np.zeros(1, dtype=bool)
     return 1e6 * float(np.median(spent))
+
+
+def timed_recording(
+    make: Callable[[Sequence[PlantModel]], Controller],
+    truths: Sequence[PlantModel],
+    layout: ObservationLayout,
+    references_um: Array,
+    rngs: Sequence[np.random.Generator],
+) -> tuple[Recording, str | None, float]:
+    """Run a controller on B plants; with its warning, and its time for a decision (µs) on the first."""
+    timed = microseconds_per_sample(make(truths[:1]), truths[0], layout, references_um[:, 0])
+    controller = make(truths)
+    recording = record(controller, truths, layout, references_um, rngs)
+    return recording, warning_of(controller), timed
 
 
 ERROR, DIVERGED, UNSTABLE, SATURATED, EXTRAPOLATED, WARNED = (
@@ -202,7 +217,7 @@ def status(
     ts_s: float,
     identified_V_s: float | None,
 ) -> str:
-    """Say in words what a score alone does not: ``ok``, or what to beware of."""
+    """Return the status of a score: ``ok``, or its cautions in words."""
     found = cautions(
         scored, reference_um, warning=warning, ts_s=ts_s, identified_V_s=identified_V_s
     )
@@ -219,13 +234,14 @@ def score_lane(
     warning: str | None,
     identified_V_s: float | None,
 ) -> tuple[Score, str]:
-    """Score one lane of a recording, and say its status."""
+    """Return the score of one lane of a recording, and its status."""
     first, end = case.window(ts_s)
     parts = (references_um, recording.displacement_um, recording.command_V, recording.action)
     r, y, u, action = (part[:end, lane] for part in parts)
     scored = score(r, y, u, action, first=first, ts_s=ts_s)
-    said = status(scored, r[first:], warning=warning, ts_s=ts_s, identified_V_s=identified_V_s)
-    return scored, said
+    return scored, status(
+        scored, r[first:], warning=warning, ts_s=ts_s, identified_V_s=identified_V_s
+    )
 
 
 def one_line(text: object) -> str:
@@ -241,7 +257,7 @@ def words(statuses: Sequence[str]) -> set[str]:
 
 
 def tally(statuses: Sequence[str]) -> str:
-    """Say in how many rows each word of their statuses stands, worst first; ``ok`` if in none."""
+    """Count the rows with each word in their status, worst first; ``ok`` where there is none."""
     counts = Counter(word for text in statuses for word in words([text]))
-    said = [f"{word} {counts[word]}/{len(statuses)}" for word in MEANING if counts[word]]
-    return ", ".join(said) or "ok"
+    shares = [f"{word} {counts[word]}/{len(statuses)}" for word in MEANING if counts[word]]
+    return ", ".join(shares) or "ok"

@@ -294,18 +294,18 @@ class Evaluation:
         if rivals is None:
             return "No controller finished every case, so none is ranked."
         best = rivals.iloc[0]
-        said = (
+        sentence = (
             f"Smallest error: {best['controller']}, RMSE {number(best['rmse_percent'])} % of peak to peak "
             f"({number(best['rmse_um'])} µm)"
         )
         if np.isfinite(best["rmse_percent_low"]):
-            said += (
+            sentence += (
                 f", {100 * CONFIDENCE:g} % interval {number(best['rmse_percent_low'])} to "
                 f"{number(best['rmse_percent_high'])} %"
             )
         tied = [str(n) for n in rivals.loc[rivals["rank"] == best["rank"], "controller"].iloc[1:]]
-        said += f"; status {best['status']}."
-        return said + (f" Tied with it: {', '.join(tied)}." if tied else "")
+        sentence += f"; status {best['status']}."
+        return sentence + (f" Tied with it: {', '.join(tied)}." if tied else "")
 
 
 def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:

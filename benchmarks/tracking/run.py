@@ -6,6 +6,7 @@ import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,16 +27,14 @@ from benchmarks.tracking.controllers import Made, code_fingerprint, task_fingerp
 from benchmarks.tracking.episode import (
     ERROR,
     Recording,
-    microseconds_per_sample,
     one_line,
-    record,
     score_lane,
+    timed_recording,
     words,
 )
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -97,15 +96,12 @@ def _run(task: Task) -> list[Row]:
     layout = task.stage.layout(task.ts_s, _controller(task, usual, truths))
     layout = task.factory.layout if isinstance(task.factory, Made) else layout
     references = task.stage.references([(x.case, x.seed) for x in lanes], task.ts_s)
-    timed = microseconds_per_sample(
-        _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
-    )
-    controller = _controller(task, layout, truths)
     rngs = [
         np.random.default_rng([lane.seed, zlib.crc32(lane.case.name.encode())]) for lane in lanes
     ]
-    recording = record(controller, truths, layout, references, rngs)
-    warning = warning_of(controller)
+    recording, warning, timed = timed_recording(
+        partial(_controller, task, layout), truths, layout, references, rngs
+    )
     rows = []
     for b, lane in enumerate(lanes):
         row = _row(task, lane) | {"microseconds_per_sample": timed}
@@ -134,10 +130,10 @@ def _scores(
             "status": f"{ERROR}: the controller's action at sample {int(np.argmax(bad))} is not finite"
         }
     limit = largest_rate_V_s(task.stage.plant)
-    scored, said = score_lane(
+    scored, text = score_lane(
         lane.case, task.ts_s, references, recording, b, warning=warning, identified_V_s=limit
     )
-    row: Row = {**asdict(scored), "status": said}
+    row: Row = {**asdict(scored), "status": text}
     if lane.keep_trace:
         parts = (references, recording.displacement_um, recording.command_V)
         r, y, u = (part[first:end, b] for part in parts)

@@ -63,8 +63,8 @@ def try_controller(name: str, stage: Stage, factory: ControllerFactory | None = 
             observation = task.step(layout.place_to_V(np.clip(_checked(action), -1.0, 1.0)))
             starts = np.zeros(_LANES, dtype=bool)
     except InputError as error:
-        said = str(error)
-        raise InputError(said if repr(name) in said else f"{name!r}: {said}") from error
+        text = str(error)
+        raise InputError(text if repr(name) in text else f"{name!r}: {text}") from error
     except Exception as error:  # a user's controller may raise anything
         where = traceback.extract_tb(error.__traceback__)[-1]
         raise InputError(
@@ -119,7 +119,7 @@ class Selection:
 
     def suits(self, controller: str, stage: Stage) -> bool:
         """Whether a controller can be made with what is believed of a plant."""
-        return controller in self.factories or stage.is_told(self.needed_core(controller))
+        return controller in self.factories or stage.has_core(self.needed_core(controller))
 
     def needed_core(self, controller: str) -> type[Core] | None:
         """Return the kind of hysteresis core that a controller needs in its belief; None: any."""
@@ -159,15 +159,15 @@ def select(
             f"{len(models)} plants and a belief; give the one plant that it is believed of"
         )
     believed = _plant(belief) if isinstance(belief, str) else belief
-    told = models if believed is None else [believed]
+    beliefs = models if believed is None else [believed]
     notes: tuple[str, ...] = ()
     factories = dict(factories or {})
     requested = {*own_controllers, *factories, *(controllers or ())}
     if controllers is None:
         shipped, notes = shipped_policies()
-        with_effects = any(model.effects for model in told)
+        with_effects = any(model.effects for model in beliefs)
         inverted = tuple(kind for kind in map(needed_core, CONTROLLERS) if kind is not None)
-        with_cores = any(not isinstance(model.hysteresis, inverted) for model in told)
+        with_cores = any(not isinstance(model.hysteresis, inverted) for model in beliefs)
         suited = (
             name
             for name in CONTROLLERS
