@@ -41,6 +41,8 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, refit_residuals
 
+# --- degradations by instruments and files ---
+
 Degrade = Callable[[Sampled, np.random.Generator], Sampled]
 
 
@@ -160,6 +162,8 @@ def through_files(kind: str, dataset: Dataset, rng: np.random.Generator) -> Data
         return replace(load(folder), title=dataset.title)
 
 
+# --- the residual of a model against the truth ---
+
 _GAIN = "gain_drift"
 _MOST_MOVED = 4  # samples
 
@@ -242,6 +246,8 @@ def _square(error: Array, counted: BoolArray) -> float:
     e = error[counted]
     return float(np.sum((e - e.mean()) ** 2))
 
+
+# --- draws ---
 
 _ATTEMPTS = 14
 _WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect

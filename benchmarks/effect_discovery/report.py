@@ -1,4 +1,4 @@
-"""Scoring of rows: effects named, effects added, and whether statements on the residual are true."""
+"""Judgement of the study's rows against their truth, tables by source of truth, and targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's Fig. 3, 4, 5, 7 and 8 from our results, and all figures of its page as PNG files."""
+"""The paper's Fig. 3, 4, 5, 7 and 8 from our results, all figures of its page, and the page of results."""
 
 from __future__ import annotations
 
@@ -338,12 +338,6 @@ def _over_time(axes: Axes, reading: str, run: Tracking, values: Array) -> None:
     axes.plot(1e3 * _trace(run).t, values, **style)
 
 
-_COLOURS = {
-    "none": REFERENCE, "literal": PALETTE[1], "given": PALETTE[0], "low-passed in both": PALETTE[5],
-    "low-passed": PALETTE[2], "reference-rate/A": PALETTE[3], "closed-form reference-rate/A": PALETTE[4],
-}  # fmt: skip
-
-
 def write_paper_page(
     path: Path | str, results: PaperResults, lines: Sequence[str], rows: pd.DataFrame
 ) -> Path:
@@ -375,7 +369,7 @@ def sweep_chart(results: PaperResults) -> Chart:
         lines.append(
             Series(
                 [run.sine.ts_s for run in runs], [run.percent for run in runs], reading,
-                _COLOURS.get(reading, PALETTE[6]), hover="%{x:.3g} s: %{y:.3g} %", tagged=True,
+                STYLES.get(reading, {"color": GREY})["color"], hover="%{x:.3g} s: %{y:.3g} %", tagged=True,
             )
         )  # fmt: skip
     axes = Axis("Sampling time (s)", log=True), Axis("Largest error (% of the amplitude)", log=True)

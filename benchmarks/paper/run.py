@@ -1,4 +1,4 @@
-"""Run everything that the paper shows: cases, stability, zero, implementations; and judge it."""
+"""Run of everything that the paper shows, its verdicts, and the rows of its tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stability limits of compensators on their own rate, and the model's zero, by simulation."""
+"""Stability limits of compensators on their own rate, the model's zero, and Eq. 6 on other plants."""
 
 from __future__ import annotations
 

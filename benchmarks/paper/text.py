@@ -1,4 +1,4 @@
-"""Sections on why the claims fail, and on what to use; numbers and tables as the page writes them."""
+"""paper.md: the paper's figures and numbers beside ours, written from the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plants with hidden effects, and beliefs about them: nothing, a fit, a discovery, the truth."""
+"""Plants with hidden effects, beliefs about them, and the tracking scores of compensators by belief."""
 
 from __future__ import annotations
 
@@ -97,12 +97,12 @@ FOLDER = Path(__file__).parent / "beliefs"
 
 def make_beliefs(hidden: HiddenPlant, folder: Path, seed: int = 0) -> dict[str, PlantModel]:
     """Return every belief about a plant, from files where they hold."""
-    kept = {name: _kept(_path(hidden, name, folder), hidden, seed, True) for name in MEASURED}
-    found = {name: model for name, model in kept.items() if model is not None}
-    if len(found) < len(kept):
+    code = study_fingerprint()
+    found = _stored(hidden, folder, seed, code)
+    if len(found) < len(MEASURED):
         truth = Truth(hidden.base, hidden.hidden, noise_um=NOISE_UM, seed=seed)
         for name, model in _measured(simulate_dataset(truth), hidden.base, seed).items():
-            marks = {"records": hidden.stamp(seed), "code": study_fingerprint()}
+            marks = {"records": hidden.stamp(seed), "code": code}
             found[name] = replace(model, identification={**model.identification, **marks})
             found[name].save(_path(hidden, name, folder))
     return _all(hidden, found)
@@ -111,16 +111,24 @@ def make_beliefs(hidden: HiddenPlant, folder: Path, seed: int = 0) -> dict[str, 
 def stored_beliefs(
     hidden: HiddenPlant, folder: Path = FOLDER, seed: int = 0
 ) -> dict[str, PlantModel]:
-    """Return every belief about a plant without looking for any; older code's files count."""
-    found = {}
+    """Return every belief about a plant without a search for any; older code's files count."""
+    found = _stored(hidden, folder, seed)
     for name in MEASURED:
-        model = _kept(_path(hidden, name, folder), hidden, seed, False)
-        if model is None:
+        if name not in found:
             raise InputError(
                 f"{_path(hidden, name, folder)} holds no belief about {hidden.name}; run python -m benchmarks.payoff"
             )
-        found[name] = model
     return _all(hidden, found)
+
+
+def _stored(
+    hidden: HiddenPlant, folder: Path, seed: int, code: str | None = None
+) -> dict[str, PlantModel]:
+    """Return the measured beliefs in a folder, of the same records and, where it is given, code."""
+    paths = {name: _path(hidden, name, folder) for name in MEASURED}
+    models = {name: PlantModel.load(path) for name, path in paths.items() if path.exists()}
+    marks = {"records": hidden.stamp(seed)} | ({} if code is None else {"code": code})
+    return {n: m for n, m in models.items() if marks.items() <= m.identification.items()}
 
 
 def _measured(dataset: Dataset, base: PlantModel, seed: int) -> Mapping[str, PlantModel]:
@@ -145,17 +153,6 @@ def _all(hidden: HiddenPlant, measured: Mapping[str, PlantModel]) -> dict[str, P
 
 def _path(hidden: HiddenPlant, name: str, folder: Path) -> Path:
     return folder / f"{hidden.slug}-{name}.json"
-
-
-def _kept(path: Path, hidden: HiddenPlant, seed: int, same_code: bool) -> PlantModel | None:
-    if not path.exists():
-        return None
-    model = PlantModel.load(path)
-    if model.identification.get("records") != hidden.stamp(seed):
-        return None
-    if same_code and model.identification.get("code") != study_fingerprint():
-        return None
-    return model
 
 
 PREVIEW_INVERSION = "preview-inversion"

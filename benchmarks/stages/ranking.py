@@ -1,4 +1,4 @@
-"""From rows to a ranking: failures first, then the worst tenth, then the middle half of the plants."""
+"""Ranking on tasks: failures first, then the worst tenth, then the middle half of the plants; its tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A unit of work: one controller on every drawn plant of one task, all side by side."""
+"""Runs of controllers on tasks: test seeds, scores of drawn plants, row by row into a store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Controllers beside the registered ones: trained policies, and objects of a user."""
+"""Controllers beside the registered ones, and fingerprints of what their scores depend on."""
 
 from __future__ import annotations
 

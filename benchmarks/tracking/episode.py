@@ -1,4 +1,4 @@
-"""One controller on lanes of tracking problems, all side by side, recorded sample by sample."""
+"""One controller on lanes of tracking problems, recorded sample by sample, and the scores of a run."""
 
 from __future__ import annotations
 

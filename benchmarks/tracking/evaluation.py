@@ -1,4 +1,4 @@
-"""From rows to the table of scores and the ranking, with confidence intervals over seeds."""
+"""Evaluation of a run: table of scores, rankings with confidence intervals over seeds, notes."""
 
 from __future__ import annotations
 

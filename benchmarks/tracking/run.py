@@ -1,4 +1,4 @@
-"""The benchmark: what was asked for, computed on all cores, row by row into a store."""
+"""Run of the tracking benchmark on all cores, row by row into a store."""
 
 from __future__ import annotations
 
