@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from benchmarks.paper.claims import (
 )
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, SECTIONS, PaperResults
 from benchmarks.paper.stability import MARGIN, SLIDE_V_S, Implementation, identified_g
-from benchmarks.paper.tracking import READINGS, Sine, Tracking
+from benchmarks.paper.tracking import READINGS, Reading, Sine, Tracking
 from rdpi_gym.support import markdown, words
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import joined
@@ -186,17 +187,17 @@ def implementation(results: PaperResults) -> str:
     """Write the section on plants other than the literal model, and on what to use instead."""
     best = best_by_plant(results)
     found = {(x.plant, x.run.reading.name): x.run for x in results.implementations}
-    rows = [
-        [
-            f"*{reading}*",
-            *(
-                f"{number(run.median_max_error, 2)} / {number(run.median_rms_error, 2)}"
-                for run in (found[plant, reading] for plant in best)
-            ),
-            f"{number(found[next(iter(best)), reading].jump_V, 2)} V",
-        ]
-        for reading in dict.fromkeys(name for _, name in found)
-    ]
+
+    def medians(plant: str, reading: Reading) -> str:
+        run = found[plant, reading.name]
+        return f"{number(run.median_max_error, 2)} / {number(run.median_rms_error, 2)}"
+
+    rows = by_reading(
+        ["reading", *best, "largest jump of u in a sample"],
+        (READINGS[name] for name in dict.fromkeys(name for _, name in found)),
+        *(partial(medians, plant) for plant in best),
+        lambda r: f"{number(found[next(iter(best)), r.name].jump_V, 2)} V",
+    )
     winners = "; ".join(f"{plant}: *{x.run.reading.name}*" for plant, x in best.items())
     cut_offs = joined([f"{limiting_cutoff_hz(m):.0f} Hz for {p}" for p, m in PLANTS.items()])
     sine = SECTION_V
@@ -204,7 +205,7 @@ def implementation(results: PaperResults) -> str:
 
 A plant does not follow the rate of Eq. 5 to any frequency, the converter holds its output, the sensor rounds and is noisy. The realisable readings at {sine.frequency_hz:g} Hz, {sine.amplitude_um:g} µm, {1e6 * sine.ts_s:g} µs, median of {results.realisations} realisations, max / RMS (µm). The test bench is the plant with the lowest cut-off behind a 50 µs converter, seen by a sensor of 10 nm resolution with noise; its error is taken against the reference between the converter's samples too, so that it holds the converter's half sample of delay:
 
-{table(["reading", *best, "largest jump of u in a sample"], rows)}
+{rows}
 
 Smallest RMS error, by plant: {winners}.
 
@@ -212,6 +213,13 @@ Smallest RMS error, by plant: {winners}.
 - The classical inverse at the reference's rate over A is no loop, meets no condition under Eq. 8, and is not a sample late.
 - Given thresholds make the claim true on paper only: a plant sets its thresholds by its own rate.
 - The zero bars an exact causal inverse. Where the reference is known ahead, an inverse with preview is the way to a smaller error."""
+
+
+def by_reading(
+    head: Sequence[str], readings: Iterable[Reading], *cells: Callable[[Reading], str]
+) -> str:
+    """Write a table with a row for each reading, its cells computed from the reading."""
+    return table(head, ([f"*{r.name}*", *(cell(r) for cell in cells)] for r in readings))
 
 
 def errors(run: Tracking) -> str:
@@ -278,62 +286,59 @@ The paper: {Claim.SMALLER_TS.value}. It prints no error values for this figure.
 
 def figure_4(results: PaperResults) -> str:
     """Write the section on Fig. 4."""
-    rows = [
-        [
-            f"*{reading.name}*",
-            *(errors(results.find(f"Fig. 4{panel}", reading.name)) for panel in "ab"),
-            claim(results.verdict("Fig. 4b", reading.name)),
-        ]
-        for reading in INVERSION_FREE
-    ]
     head = ["50 Hz", *(f"4{p}, Ts = {seconds(ts)}" for p, ts in zip("ab", TS_S[:2], strict=True))]
+    rows = by_reading(
+        [*head, "the claim"],
+        INVERSION_FREE,
+        lambda r: errors(results.find("Fig. 4a", r.name)),
+        lambda r: errors(results.find("Fig. 4b", r.name)),
+        lambda r: claim(results.verdict("Fig. 4b", r.name)),
+    )
     return f"""## Figure 4: output against reference at 50 Hz
 
 The paper: {Claim.SMALLER_TS_PAIR.value}.
 
 ![Figure 4](fig4.png)
 
-{table([*head, "the claim"], rows)}"""
+{rows}"""
 
 
 def figure_5(results: PaperResults) -> str:
     """Write the section on Fig. 5."""
-    panels = tuple(zip("abc", FREQUENCIES_HZ, strict=True))
-    rows = []
-    for reading in INVERSION_FREE:
-        runs = [results.find(f"Fig. 5{panel}", reading.name) for panel, _ in panels]
-        left = [
-            "complete" if run.percent <= COMPLETE_PERCENT else f"{number(run.percent, 2)} %"
-            for run in runs
-        ]
-        rows.append(
-            [
-                f"*{reading.name}*",
-                *(f"{errors(run)} ({word})" for run, word in zip(runs, left, strict=True)),
-                claim(results.verdict("Fig. 5c", reading.name)),
-            ]
-        )
-    head = [f"Ts = {seconds(TS_S[-1])}", *(f"5{panel}, {hz:g} Hz" for panel, hz in panels)]
+
+    def completeness(panel: str, reading: Reading) -> str:
+        run = results.find(f"Fig. 5{panel}", reading.name)
+        complete = run.percent <= COMPLETE_PERCENT
+        return f"{errors(run)} ({'complete' if complete else f'{number(run.percent, 2)} %'})"
+
+    panels = (f"5{panel}, {hz:g} Hz" for panel, hz in zip("abc", FREQUENCIES_HZ, strict=True))
+    rows = by_reading(
+        [f"Ts = {seconds(TS_S[-1])}", *panels, "the claim at 50 Hz"],
+        INVERSION_FREE,
+        *(partial(completeness, panel) for panel in "abc"),
+        lambda r: claim(results.verdict("Fig. 5c", r.name)),
+    )
     return f"""## Figure 5: output against reference at Ts = {seconds(TS_S[-1])}
 
 The paper: {Claim.COMPLETE.value}, at all three frequencies. Here compensation counts as complete where the largest error is at most {COMPLETE_PERCENT:g} % of the amplitude: what the paper's sensor resolves of its stroke.
 
 ![Figure 5](fig5.png)
 
-{table([*head, "the claim at 50 Hz"], rows)}"""
+{rows}"""
 
 
 def error_against_ts(results: PaperResults) -> str:
     """Write the section on the claim "smaller Ts, smaller error", with the ensembles' statistics."""
-    sines = [section_iii(50.0, ts) for ts in TABLE_TS_S]
-    rows = [
-        [
-            f"*{reading.name}*",
-            *(errors(results.find(SWEEP_LABEL, reading.name, sine)) for sine in sines),
-            results.series_verdict(SWEEP_LABEL, reading.name),
-        ]
-        for reading in READINGS.values()
-    ]
+
+    def over_ts(ts_s: float, reading: Reading) -> str:
+        return errors(results.find(SWEEP_LABEL, reading.name, section_iii(50.0, ts_s)))
+
+    rows = by_reading(
+        ["reading", *(f"Ts = {seconds(ts)}" for ts in TABLE_TS_S), "the claim"],
+        READINGS.values(),
+        *(partial(over_ts, ts) for ts in TABLE_TS_S),
+        lambda r: results.series_verdict(SWEEP_LABEL, r.name),
+    )
     starred = {(run.reading.name, run.sine): run for run in results.runs if not run.reproducible}
     ensembles = sorted(
         starred.values(),
@@ -358,9 +363,9 @@ def error_against_ts(results: PaperResults) -> str:
     ]  # fmt: skip
     return f"""## Error against Ts
 
-The paper (Section III-A): "y(k) ≅ y_r(k), and ... e(k) → 0", with no condition. 50 Hz, amplitude {sines[0].amplitude_um:g}:
+The paper (Section III-A): "y(k) ≅ y_r(k), and ... e(k) → 0", with no condition. 50 Hz, amplitude {section_iii(50.0, TS_S[0]).amplitude_um:g}:
 
-{table(["reading", *(f"Ts = {seconds(ts)}" for ts in TABLE_TS_S), "the claim"], rows)}
+{rows}
 
 ![Error against the sampling time](stability.png)
 

