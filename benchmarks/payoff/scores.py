@@ -180,12 +180,14 @@ class Task:
     name: str
     belief: PlantModel
     seed: int  # of the sensor's noise and of random references
-    kept: bool = True  # whether its rows are, so that they carry a hash of what they depend on
+    stamped: bool = (
+        True  # whether its rows are stored, so that they carry a hash of what they depend on
+    )
 
     @cached_property
     def code(self) -> str:
         """A hash of all that its rows depend on."""
-        if not self.kept:
+        if not self.stamped:
             return ""
         own = [Path(__file__).read_text(encoding="utf-8"), code_fingerprint(self.controller)]
         plants = [self.hidden.plant.to_dict(), self.belief.to_dict()]
@@ -204,12 +206,12 @@ def payoff_table(
     progress: Progress | None = None,
     ray_address: str | None = None,
     note: Callable[[str], None] = print_note,
-    kept: bool = True,
+    stamped: bool = True,
 ) -> pd.DataFrame:
     """Score every compensator with every belief on every plant; an interrupted run goes on."""
     cases = payoff_cases()
     tasks = [
-        Task(hidden, controller, name, own[name], seed, kept)
+        Task(hidden, controller, name, own[name], seed, stamped)
         for hidden, own in beliefs.items()
         for controller in CONTROLLERS
         for name in BELIEFS

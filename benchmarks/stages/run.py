@@ -274,32 +274,32 @@ def run_tasks(
     ray_address: str | None = None,
     factories: Mapping[str, ControllerFactory] | None = None,
     bound: bool = True,
-    kept: bool = True,
+    stamped: bool = True,
 ) -> Outcome:
     """Compute what is missing, and return every row that was asked for; an interrupted run goes on.
 
-    Rows of a folder that is not kept carry no hash of what they depend on.
+    Without `stamped` rows carry no hash of what they depend on.
     """
     drawn = TestSeed() if seed is None else seed
     names = [named_task(task).name for task in tasks]
     made = dict(factories or {})
-    asked = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
-    for name in asked:
+    entrants = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
+    for name in entrants:
         if is_learned(name):
             read_policy(name)
         elif name not in (*CONTROLLERS, *made, HORIZON_BOUND):
             find_factory(name)
-    if plants < 1 or not names or not set(asked) - {HORIZON_BOUND}:
+    if plants < 1 or not names or not set(entrants) - {HORIZON_BOUND}:
         raise InputError("nothing to score; give at least one controller, one task and one plant")
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
     units = [
         Unit(
             name, task, drawn.seed, drawn.label, tuple(range(plants)[first : first + PLANTS]),
-            _stamp(name, task, made) if kept else "", made.get(name),
+            _stamp(name, task, made) if stamped else "", made.get(name),
         )
         for task in dict.fromkeys(names)
-        for name in asked
+        for name in entrants
         for first in range(0, plants, PLANTS)
     ]  # fmt: skip
     store, notes = TASKS.open(out), list[str]()

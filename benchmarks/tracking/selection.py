@@ -220,7 +220,7 @@ def _with_trained(stages: Sequence[Stage], ts_s: Sequence[float], alone: bool) -
     return tuple(replace(stage, trained_ts_s=times) for stage, times in suiting)
 
 
-def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
+def _without_unsuited(selection: Selection, requested: set[str]) -> Selection:
     """Leave out controllers of another hysteresis core than any belief's; one asked for is an error."""
     cores = ", ".join(dict.fromkeys(s.belief("").hysteresis.name for s in selection.stages))
     unsuited: dict[str, list[str]] = {}
@@ -228,7 +228,7 @@ def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
         needed = selection.needed_core(name)
         if needed is None or any(selection.suits(name, stage) for stage in selection.stages):
             continue
-        if name in asked:
+        if name in requested:
             raise InputError(
                 f"{name} inverts the core {needed.name}, and the core that is believed of the plant is "
                 f"{cores}; core-inverse inverts any"
@@ -243,7 +243,7 @@ def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
     )
 
 
-def _without_idle(selection: Selection, asked: set[str]) -> Selection:
+def _without_idle(selection: Selection, requested: set[str]) -> Selection:
     """Leave out policies that run nowhere; one that was asked for is an error."""
     settings = [(stage, ts) for stage in selection.stages for ts in stage.every_ts_s]
     idle = {
@@ -251,7 +251,7 @@ def _without_idle(selection: Selection, asked: set[str]) -> Selection:
         for name, ts in selection.trained_s.items()
         if not any(selection.runs_at(name, *setting) for setting in settings)
     }
-    for name in asked & idle.keys():
+    for name in (name for name in idle if name in requested):
         raise InputError(
             f"{name} was trained at Ts = {idle[name]:g} s, at which none of these plants is scored; "
             f"give --ts {idle[name]:g}, or another plant"

@@ -281,8 +281,8 @@ def benchmark(
         folder = None if out is None else Path(out)
         outcome = run_benchmark(selection, folder, jobs, progress, ray)
         if everything:
-            kept = folder is not None
-            payoff = _payoff(folder or Path(scratch), kept, jobs, ray, progress, notes)
+            stamped = folder is not None
+            payoff = _payoff(folder or Path(scratch), stamped, jobs, ray, progress, notes)
     return Evaluation.of(
         evaluation.evaluate(selection, outcome),
         finished=len(outcome.rows),
@@ -301,7 +301,7 @@ def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | s
 
 def _payoff(
     out: Path,
-    kept: bool,
+    stamped: bool,
     jobs: int,
     ray: str | None,
     progress: Progress | None,
@@ -318,7 +318,7 @@ def _payoff(
         progress=progress,
         ray_address=ray,
         note=notes.append,
-        kept=kept,
+        stamped=stamped,
     )
 
 

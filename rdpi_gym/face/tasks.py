@@ -98,7 +98,7 @@ def score_tasks(
             progress=progress,
             ray_address=ray,
             factories=factories,
-            kept=out is not None,
+            stamped=out is not None,
         )
     return TaskScores(tuple(outcome.rows), seed.label, outcome.computed, outcome.notes)
 
