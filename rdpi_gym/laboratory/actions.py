@@ -108,13 +108,7 @@ async def _parameter(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
 
     def answer() -> dict[str, Any]:
         response = lab.respond(plant, keep=False)
-        found: dict[str, Any] = {
-            "errors": {
-                "train_um": views.number(response.errors.train_rmse_um),
-                "validation_um": views.number(response.errors.validation_rmse_um),
-            },
-            "trace": None,
-        }
+        found: dict[str, Any] = {"errors": views.errors_of(response.errors), "trace": None}
         if said.get("record"):
             record = views.record_named(lab.session.need_data(), _text(said, "record"))
             part = views.stretch(record, _optional(said, "from_s"), _optional(said, "to_s"))

@@ -220,10 +220,6 @@ class Session:
             raise InputError(f"step {quoted(step)} is not there; there are {some(self.steps)}")
         return self.steps[step]
 
-    def ranking_of(self, step: str) -> Ranking | None:
-        """Return the candidates that were tried on a step; None where none were."""
-        return self.rankings.get(step)
-
     def chain(self, step: str) -> list[str]:
         """Return the steps that lead to one, itself the last."""
         found = [step]

@@ -275,7 +275,7 @@ class Models(SessionJobs):
     def plant_with(self, effect: str, step: str | None) -> PlantModel | None:
         """Return the model of a step with a candidate; None where it was not tried."""
         name = step or self.session.current
-        ranking = None if name is None else self.session.ranking_of(name)
+        ranking = None if name is None else self.session.rankings.get(name)
         return None if ranking is None else ranking.plant_with(effect)
 
     def _look(self) -> face.Inspection:

@@ -112,7 +112,7 @@ def made_diagnosis(made_discovery):
 
 @dataclass(frozen=True)
 class MadeScores:
-    """What the benchmark's page asks for, made up."""
+    """Scores for the benchmark's page, made up."""
 
     rows: tuple
     ranking: pd.DataFrame
