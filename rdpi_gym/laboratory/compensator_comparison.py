@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.tracking.scoring import DIVERGED, UNSTABLE, WARNED, Caution
+from benchmarks.tracking.episode import DIVERGED, UNSTABLE, WARNED, Caution
 from rdpi_gym import face
 from rdpi_gym.laboratory.views import number, numbers
 from rdpi_gym.plant import Plant, PlantModel
