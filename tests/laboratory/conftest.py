@@ -1,5 +1,7 @@
 """The browser of the tests of the page."""
 
+from contextlib import ExitStack
+
 import pytest
 
 from rdpi_gym.support.errors import InputError
@@ -8,10 +10,9 @@ from studies.chromium import chromium
 
 @pytest.fixture(scope="module")
 def browser():
-    shown = chromium()
-    try:
-        found = shown.__enter__()
-    except InputError as missing:
-        pytest.skip(str(missing))
-    yield found
-    shown.__exit__(None, None, None)
+    with ExitStack() as stack:
+        try:
+            found = stack.enter_context(chromium())
+        except InputError as missing:
+            pytest.skip(str(missing))
+        yield found

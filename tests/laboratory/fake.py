@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from unittest.mock import patch
 from urllib.parse import quote
@@ -302,6 +303,10 @@ class Laboratory:
             each.stop()
 
 
+with TemporaryDirectory(prefix="rdpi-lab-") as _folder:
+    _EMPTY = state_of(Session(Path(_folder)), None, None, {})
+
+
 def names_of(state):
     """Effects of the present model."""
     step = state["steps"].get(state["current"])
@@ -310,7 +315,7 @@ def names_of(state):
 
 def empty_state():
     """Return the state of a session in which nothing has happened."""
-    return state_of(Session(Path(mkdtemp(prefix="rdpi-lab-"))), None, None, {})
+    return deepcopy(_EMPTY)
 
 
 def payoff(step, reference):
