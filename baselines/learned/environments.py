@@ -10,9 +10,9 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import ENVIRONMENT_ID
+from baselines.monitors import EnvelopeRecorder
 from rdpi_gym.envs.controller import ControllerFactory
 from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
 from rdpi_gym.plant import PlantModel

@@ -62,7 +62,7 @@ class TrainingOptions:
         A value that nothing can be trained with.
     """
 
-    out: Path
+    out: Path = Path("results/train")
     # Folder of the run. The same options with the same folder continue an interrupted run.
     seed: int = 0
     # Of weights, exploration, plants, references and noise: the same seed, the same run.

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
-from baselines.base import Observation
+from baselines.base import Observation, lane_products, product
 from baselines.damping import CorrectedAdaptive
-from baselines.lanes import lane_products, product
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -58,18 +57,6 @@ class Student:
     both show. φ are the first of the inputs, 1 and the newest errors, not compressed: with h at rest
     the student is a linear filter without poles, and what h makes of it is an adaptive one. Its own
     newest corrections are seen by the unit alone, or a fit could make an oscillator of them.
-
-    Raises
-    ------
-    InputError
-        Arrays that do not fit each other, or that are not finite.
-
-    Examples
-    --------
-    >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
-    >>> memory = np.zeros((student.rows, 5), dtype=np.float32)
-    >>> student.answer_um(np.ones((3, 5)), np.zeros(5), memory).tolist()
-    [0.0, 0.0, 0.0, 0.0, 0.0]
     """
 
     arrays: Mapping[str, Float32]
@@ -209,15 +196,6 @@ class StudentFeedforward(CorrectedAdaptive):
     each play is from the reference, and each slow low-pass; the estimate, as distance from its prior
     in expected deviations; what the estimate leaves unexplained of the newest sample that it can
     compare; the base's own correction; and for how long the episode runs.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
-    student
-        What is added.
-    on_decision
-        Called with every sample, by a training.
     """
 
     def __init__(

@@ -11,11 +11,11 @@ from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
 from baselines.classical import pack_inverse
 from baselines.damping import AdaptiveDualLoop
 from baselines.feedforward import Feedforward
-from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, DecisionSample, Float32
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.loops import LinearSystem, linear_part
+from baselines.monitors import EnvelopeRecorder
 from rdpi_gym.envs.tasks import Lanes, StageTask
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -275,7 +275,7 @@ class Rollout:
     score: Score
     # Of the run.
     largest: Mapping[str, float]
-    # How far its loops went, see :mod:`baselines.learned.envelope`.
+    # How far its loops went, see :mod:`baselines.monitors`.
 
 
 @dataclass(frozen=True)
