@@ -84,38 +84,20 @@ class FixedPoint:
     :class:`~rdpi_gym.firmware.program.Program`; its ``reference_um``, ``ahead_um``, ``measured_um``
     and what it returns are codes: r = centre + displacement_scale · code / 2^31, and
     u = voltage_scale · code / 2^31. Every int32 is a valid input.
-
-    Parameters
-    ----------
-    displacement_scale_um, centre_um
-        Unit and zero (µm) of displacements, about the references' centre: at least twice their
-        amplitude, and half as much again as the command range reaches.
-    voltage_scale_V
-        Unit (V) of commands about 0 V: the farther end of the range is code ±(2^31 - 1).
-    low, high, rest
-        Codes of the lowest and highest command, and of that at which an episode begins.
-    reach
-        Code of the references' amplitude.
-    tables, memory
-        In the order of their structs.
-    functions
-        C text of static functions that `step` calls, callees first; it needs ``<stdint.h>`` alone.
-    step
-        C text of the body.
-    notes
-        What a user should know, a sentence each.
     """
 
-    displacement_scale_um: float
+    displacement_scale_um: (
+        float  # twice the references' amplitude at least, and 1.5 times the reach
+    )
     centre_um: float
-    voltage_scale_V: float
-    low: int
+    voltage_scale_V: float  # about 0 V: the farther end of the range is code ±(2^31 - 1)
+    low: int  # codes of the ends of the command range, of the command at the begin of an episode,
     high: int
     rest: int
-    reach: int
-    tables: Sequence[FixedTable]
+    reach: int  # and of the references' amplitude
+    tables: Sequence[FixedTable]  # in the order of their structs
     memory: Sequence[FixedMemory]
-    functions: str
+    functions: str  # static functions that `step` calls, callees first; they need <stdint.h> alone
     step: str
     notes: Sequence[str] = field(default_factory=tuple)
 

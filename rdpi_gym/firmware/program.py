@@ -15,37 +15,19 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers that the code reads and never writes: one field of its struct of parameters.
+    """Numbers that the code reads and never writes, float64[N], N at least 1: one field of its parameters."""
 
-    Parameters
-    ----------
-    name
-        Identifier of C, lower case.
-    values
-        float64[N], N at least 1.
-    """
-
-    name: str
+    name: str  # an identifier of C, lower case
     values: Array
 
 
 @dataclass(frozen=True)
 class Memory:
-    """Numbers that the code keeps from sample to sample: one field of its struct of memory.
+    """Numbers that the code keeps from sample to sample, float64[N]: one field of its struct of memory."""
 
-    Parameters
-    ----------
-    name
-        Identifier of C, lower case.
-    rest : float64[N]
-        Where an episode begins whose first reference is 0 µm; NaN where the first sample sets it.
-    by_reference : float64[N]
-        What each µm of the first reference adds to it; zero for a plant.
-    """
-
-    name: str
-    rest: Array
-    by_reference: Array
+    name: str  # an identifier of C, lower case
+    rest: Array  # where an episode begins whose first reference is 0 µm; NaN where the first sample sets it
+    by_reference: Array  # what each µm of the first reference adds to it; zero for a plant
 
 
 @dataclass(frozen=True)
@@ -58,60 +40,30 @@ class Program:
     ``command_V``. It ends with a ``return``, for a controller of u(k+1) (V), for a plant of the
     displacement (µm). Every number is an ``rdpi_real``, every literal ``RDPI_C(1.5)``, every
     function of the mathematics ``RDPI_EXP`` and so on, so that one text serves both precisions.
-
-    Parameters
-    ----------
-    kind
-        Which of the two.
-    title
-        What it is, for people: the controller's name, or that of the plant. Not trusted.
-    model
-        Name of the model it is made of. Not trusted.
-    ts_s
-        Sampling time (s).
-    preview
-        Samples of the reference after r(k) that a step is given, at least 1; 0 for a plant.
-    command_range_V
-        Lowest and highest command (V).
-    rest_V
-        Command (V) at which it begins.
-    centre_um, scale_um
-        Centre and amplitude (µm) of the references that suit it.
-    tables, memory
-        In the order of their structs.
-    functions
-        C text of static functions that `step` calls, callees first.
-    step
-        C text of the body.
-    mathematics
-        Functions of ``<math.h>`` that are called, by the name of their macro ("EXP").
-    twin
-        The same in Python, from rest: commands (V) of references and measurements (µm), or displacements
-        (µm) of commands, float64[T, B].
-    begin
-        C text of the body of ``void begin(p, m, reference_um)``, which sets the memory where that is
-        not affine in the first reference; empty: it is, and `memory` says all.
-    exact
-        Whether it is equal to the Python kernels bit by bit in double; else why not.
     """
 
     kind: Literal["controller", "plant"]
-    title: str
-    model: str
+    title: str  # name of the controller or of the plant; not trusted
+    model: str  # name of the model that it is made of; not trusted
     ts_s: float
-    preview: int
+    preview: int  # samples of the reference after r(k), at least 1; 0 for a plant
     command_range_V: tuple[float, float]
-    rest_V: float
-    centre_um: float
+    rest_V: float  # command at which it begins
+    centre_um: float  # centre and amplitude of the references that suit it
     scale_um: float
-    tables: Sequence[Table]
+    tables: Sequence[Table]  # in the order of their structs
     memory: Sequence[Memory]
-    functions: str
+    functions: str  # static functions that `step` calls, callees first
     step: str
-    mathematics: frozenset[str]
+    mathematics: frozenset[
+        str
+    ]  # functions of <math.h> that are called, by the name of their macro ("EXP")
+    # the same in Python, from rest: commands (V) of references and measurements (µm), or displacements
+    # (µm) of commands, float64[T, B]
     twin: Callable[..., Array]
+    # body of `void begin(p, m, reference_um)`, where the memory at rest is not affine in the first reference
     begin: str = ""
-    exact: bool = True
+    exact: bool = True  # equal to the Python kernels bit by bit in double; else why not
     inexact_because: str = ""
     notes: Sequence[str] = field(default_factory=tuple)
 
@@ -121,43 +73,16 @@ _LARGEST_FLOAT, _SMALLEST_FLOAT = 3e38, 1.2e-38
 Kind = Literal["real", "int", "bool"]
 """``rdpi_real``, ``int32_t`` and ``bool`` (as ``int``) of the C text."""
 
-C_KEYWORDS = frozenset(
-    [
-        "auto",
-        "break",
-        "case",
-        "char",
-        "const",
-        "continue",
-        "default",
-        "do",
-        "double",
-        "else",
-        "enum",
-        "extern",
-        "float",
-        "for",
-        "goto",
-        "if",
-        "inline",
-        "int",
-        "long",
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "typedef",
-        "union",
-        "unsigned",
-        "void",
-        "volatile",
-        "while",
-    ]
+
+def words(text: str) -> frozenset[str]:
+    """Return the words of a text."""
+    return frozenset(text.split())
+
+
+C_KEYWORDS = words(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long "
+    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile "
+    "while"
 )
 C_TYPES: dict[Kind, str] = {"real": "rdpi_real", "int": "int32_t", "bool": "int32_t"}
 

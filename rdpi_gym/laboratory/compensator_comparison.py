@@ -42,24 +42,12 @@ _LONGEST_S, _MOST_POINTS = 3600.0, 2000
 
 @dataclass(frozen=True)
 class Course:
-    """A reference as it is run.
+    """A reference as it is run, from rest on."""
 
-    Parameters
-    ----------
-    reference_um
-        Where the plant is to be (µm), ``(K,)``, from rest on.
-    ts_s
-        Sampling time (s).
-    first
-        First sample that counts.
-    said
-        What was asked for, with what was taken where nothing was said.
-    """
-
-    reference_um: Array
+    reference_um: Array  # (K,)
     ts_s: float
-    first: int
-    said: Mapping[str, Any]
+    first: int  # sample that counts
+    said: Mapping[str, Any]  # the request, with defaults filled in
 
 
 def course(reference: Mapping[str, Any], plant: PlantModel, ts_s: float) -> Course:

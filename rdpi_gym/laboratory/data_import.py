@@ -56,17 +56,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Read:
-    """Records and faults of the files of a session.
-
-    Parameters
-    ----------
-    data
-        The records of the files that could be read; None where there are none.
-    problems
-        By file that was refused.
-    problem
-        What is wrong with all of them together.
-    """
+    """Records of the readable files of a session, the fault of each other file, and that of all together."""
 
     data: face.Dataset | None
     problems: Mapping[str, Problem]
@@ -325,33 +315,17 @@ _KNOWN = {role: frozenset(words.split()) for role, words in _WORDS.items()}
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a file, or one variable.
+    """One column of a file, or one variable."""
 
-    Parameters
-    ----------
-    source
-        What settings call it: its name, or its position where the name is none or there twice.
-    name
-        What a reader is shown.
-    """
-
-    source: str | int
+    source: (
+        str | int
+    )  # in settings: its name, or its position where the name is none or there twice
     name: str
 
 
 @dataclass(frozen=True)
 class Head:
-    """The beginning of a file.
-
-    Parameters
-    ----------
-    columns
-        What it offers.
-    rows
-        Its first rows of values, cell by cell; none where it is no text.
-    separator
-        What stands between its values, by its name; empty where it is no text.
-    """
+    """The beginning of a file; only a text has rows of cells and the name of a separator."""
 
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]] = ()

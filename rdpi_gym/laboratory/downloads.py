@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -78,36 +77,23 @@ for step, (train_um, validation_um) in laboratory.items():
     print(step, "the same numbers" if same else f"the laboratory had {{train_um!r}}, {{validation_um!r}}")"""
 
 
-@dataclass(frozen=True)
-class Repeated:
-    """Code that repeats a step.
-
-    Parameters
-    ----------
-    text
-        What was done, as Markdown.
-    code
-        Python that leaves the model in a variable of the step's name.
-    """
-
-    text: str
-    code: str
-
-
 def notebook_of(session: Session) -> str:
     """Return a notebook (nbformat 4) that repeats the way to the present model."""
-    if session.current is None or session.data is None:
-        raise InputError("there is no model yet; drop a file or take an exercise")
-    steps = [session.step(name) for name in session.path]
+    session.present()
+    data, steps = session.need_data(), [session.step(name) for name in session.path]
     present = steps[-1]
-    title = f"# {_plain(session.data.title)}\n\nWhat was done in the laboratory, step by step, with `rdpi_gym`."
+    title = (
+        f"# {_plain(data.title)}\n\nWhat was done in the laboratory, step by step, with `rdpi_gym`."
+    )
     cells = [
         _text(title),
         _code(_PREPARED.format(folder=str(session.data_folder.resolve()))),
         _code(_HELPERS),
     ]
-    for repeated in _repeated(steps, list(session.events())):
-        cells += [_text(repeated.text), _code(repeated.code)]
+    events = list(session.events())
+    last = max((k for k, event in enumerate(events) if event["do"] == "read"), default=-1)
+    for text, code in _repeated(steps, events[last + 1 :]):  # a new history began there
+        cells += [_text(text), _code(code)]
     said = {step.id: (step.train_um, step.validation_um) for step in steps}
     cells += [
         _text("## The present model on all records"),
@@ -142,14 +128,14 @@ def _code(code: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _repeated(steps: list[Step], events: list[Mapping[str, Any]]) -> Iterator[Repeated]:
-    """Yield what repeats each step of a path."""
+def _repeated(steps: list[Step], events: list[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Yield Markdown on each step of a path, and code that leaves its model in a variable of its name."""
     for number, step in enumerate(steps):
         before = steps[number - 1] if number else None
         following = steps[number + 1] if number + 1 < len(steps) else None
         text = f"## {_plain(step.label)}\n\nIn the laboratory: {step.validation_um:.6g} µm on validation records."
         lines = [_made(step, before, events), _ranking(step, following, events)]
-        yield Repeated(text, "\n".join(line for line in lines if line))
+        yield text, "\n".join(line for line in lines if line)
 
 
 def _made(step: Step, before: Step | None, events: list[Mapping[str, Any]]) -> str:
@@ -160,43 +146,43 @@ def _made(step: Step, before: Step | None, events: list[Mapping[str, Any]]) -> s
         if _is_bettered(step, events):
             return ""  # by the search's own base model, which stands on the data alone
         core = made.get("core")
-        call = f"rg.fit_core(data, {core!r}, name='base')" if core and core != "rdpi" else (
-            "rg.fit(data, name='base')"
-        )  # fmt: skip
-        return f"{name} = {call}.plant\nnote({name!r}, rg.respond({name}, data).errors)"
+        fit = f"rg.fit_core(data, {core!r}, " if core and core != "rdpi" else "rg.fit(data, "
+        return _noted(name, f"{fit}name='base').plant", f"rg.respond({name}, data).errors")
     assert before is not None
-    if kind == "candidate":
-        form = made.get("form", "")
-        at = _refits_before(step, before, effect, form, events) - 1
-        picked = f"refits_with(refits, {effect!r}, {form!r})[{at}]"
-        return f"found = {picked}\n{name} = found.plant\nnote({name!r}, found.errors)"
-    if kind == "added":
-        call = f"rg.add({effect!r}, data, {before.id})"
-        return f"found = {call}\n{name} = found.plant\nnote({name!r}, found.final)"
-    if kind == "removal":
-        kept = f"tuple(e for e in {before.id}.effects if e.name != {effect!r})"
-        call = f"ranked(replace({before.id}, effects={kept}), until=len)[0]"
-        return f"found = {call}\n{name} = found.plant\nnote({name!r}, found.errors)"
-    if kind == "refit":
-        call = f"rg.inspect(data).refit({before.id}, {list(made['held'])!r})"
-        return f"found = {call}\n{name} = found.plant\nnote({name!r}, found.errors)"
     if kind == "settled":  # the ranking on the step before was waited for
-        return f"{name} = diagnosis.plant\nnote({name!r}, diagnosis.final)"
+        return _noted(name, "diagnosis.plant", "diagnosis.final")
+    if kind in ("candidate", "added", "removal", "refit"):
+        if kind == "candidate":
+            form = made.get("form", "")
+            at = _refits_before(step, before, effect, form, events) - 1
+            call = f"refits_with(refits, {effect!r}, {form!r})[{at}]"
+        elif kind == "added":
+            call = f"rg.add({effect!r}, data, {before.id})"
+        elif kind == "removal":
+            kept = f"tuple(e for e in {before.id}.effects if e.name != {effect!r})"
+            call = f"ranked(replace({before.id}, effects={kept}), until=len)[0]"
+        else:
+            call = f"rg.inspect(data).refit({before.id}, {list(made['held'])!r})"
+        errors = "found.final" if kind == "added" else "found.errors"
+        return f"found = {call}\n{_noted(name, 'found.plant', errors)}"
     values = {made["parameter"]: made["value"]}
+    changed = f"hysteresis={before.id}.hysteresis.with_shape({values!r})"
     if effect:
         moved = f"e.with_values({values!r}) if e.name == {effect!r} else e"
-        call = f"replace({before.id}, effects=tuple({moved} for e in {before.id}.effects))"
-    else:
-        shaped = f"{before.id}.hysteresis.with_shape({values!r})"
-        call = f"replace({before.id}, hysteresis={shaped})"
-    return f"{name} = {call}\nnote({name!r}, rg.respond({name}, data).errors)"
+        changed = f"effects=tuple({moved} for e in {before.id}.effects)"
+    model = f"replace({before.id}, {changed})"
+    return _noted(name, model, f"rg.respond({name}, data).errors")
+
+
+def _noted(name: str, model: str, errors: str) -> str:
+    return f"{name} = {model}\nnote({name!r}, {errors})"
 
 
 def _is_bettered(step: Step, events: list[Mapping[str, Any]]) -> bool:
     """Whether the search's own refit took the place of a step's first model."""
     plants = [
         e["step"]["plant"]
-        for e in _since_read(events)
+        for e in events
         if e["do"] in ("step", "update") and e["step"]["id"] == step.id
     ]
     made_by_search = step.made["kind"] == "fit" and step.made.get("core") == "auto"
@@ -209,26 +195,25 @@ def _ranking(step: Step, following: Step | None, events: list[Mapping[str, Any]]
         model, core = "None", repr(step.made.get("core"))
     else:
         model, core = step.id, "None"
-    took = following is not None and following.made["kind"] == "candidate"
-    until = "len"
+    until, bettered = "len", _is_bettered(step, events)
     if _is_done(step, following, events):
         until = "None"
-    elif took and following is not None:
+    elif following is not None and following.made["kind"] == "candidate":
         effect, form = following.made["effect"], following.made.get("form", "")
         count = _refits_before(following, step, effect, form, events)
         until = f"lambda so_far: len(refits_with(so_far, {effect!r}, {form!r})) == {count}"
-    elif not _is_bettered(step, events):
+    elif not bettered:
         return ""
     call = f"refits = ranked({model}, {core}, until={until})"
-    if not _is_bettered(step, events):
+    if not bettered:
         return call
-    return f"{call}\nfound = refits[0]\n{step.id} = found.plant\nnote({step.id!r}, found.errors)"
+    return f"{call}\nfound = refits[0]\n{_noted(step.id, 'found.plant', 'found.errors')}"
 
 
 def _is_done(step: Step, following: Step | None, events: list[Mapping[str, Any]]) -> bool:
     """Whether the ranking on a step was waited for before the next step was made."""
     done = False
-    for event in _since_read(events):
+    for event in events:
         if event["do"] == "ranking" and event["step"] == step.id:
             done = event["status"] == "done"
         elif following and event["do"] == "step" and event["step"]["id"] == following.id:
@@ -241,7 +226,7 @@ def _refits_before(
 ) -> int:
     """Count the refits with a candidate in the ranking that a step was taken from."""
     count = 0
-    for event in _since_read(events):
+    for event in events:
         if event["do"] == "ranking" and event["step"] == before.id and event["status"] == "running":
             count = 0
         elif event["do"] == "refit" and event["step"] == before.id:
@@ -254,65 +239,26 @@ def _refits_before(
     return count
 
 
-def _since_read(events: list[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the events since the records were read last: a new history began there."""
-    last = max((k for k, e in enumerate(events) if e["do"] == "read"), default=-1)
-    return events[last + 1 :]
-
-
 FORMAT, VERSION = "rdpi-lab-session", 1
 _DRAWN = 800  # samples of the next experiment that the page draws
 
 
-@dataclass(frozen=True)
-class Download:
-    """A file to download.
-
-    Parameters
-    ----------
-    name
-        Of the file.
-    media_type
-        What it is, as HTTP says it.
-    content
-        What it holds.
-    """
-
-    name: str
-    media_type: str
-    content: bytes
-
-
-def download(session: Session, name: str, rate_hz: float | None = None) -> Download:
-    """Return a file to download."""
+def download(session: Session, name: str, rate_hz: float | None = None) -> tuple[str, str]:
+    """Return media type and content of a file to download."""
     if name not in FILES:
         raise InputError(f"{quoted(name)} cannot be taken home; there are {', '.join(FILES)}")
     media_type, make = FILES[name]
-    text = _experiment(session, rate_hz) if make is None else make(session)
-    return Download(name, media_type, text.encode())
-
-
-def _present(session: Session) -> Step:
-    if session.current is None:
-        raise InputError("there is no model yet; drop a file or take an exercise")
-    return session.step(session.current)
-
-
-def _records(session: Session) -> face.Dataset:
-    data = session.data
-    if data is None:
-        raise InputError("there are no data yet; drop a file or take an exercise")
-    return data
+    return media_type, _experiment(session, rate_hz) if make is None else make(session)
 
 
 def _model(session: Session) -> str:
-    plant = _present(session).plant
+    plant = session.present().plant
     with TemporaryDirectory() as folder:
         return plant.save(Path(folder) / "model.json").read_text(encoding="utf-8")
 
 
 def _report(session: Session) -> str:
-    plant, data = _present(session).plant, _records(session)
+    plant, data = session.present().plant, session.need_data()
     with TemporaryDirectory() as folder:
         path = face.compare(data, plant).page(Path(folder) / "report.html")
         return path.read_text(encoding="utf-8")
@@ -325,7 +271,7 @@ def _settings(session: Session) -> str:
     # what `load` found by itself, said
     roles = [
         f"[records.{json.dumps(r.name)}]\nrole = {json.dumps(r.role)}\n"
-        for r in _records(session).records
+        for r in session.need_data().records
     ]
     return "\n".join(roles)
 
@@ -349,13 +295,13 @@ def _session(session: Session) -> str:
 
 
 def _experiment(session: Session, rate_hz: float | None) -> str:
-    present = _present(session)
+    present = session.present()
     ranking = session.ranking_of(present.id)
     if ranking is None or ranking.result is None:
         raise InputError("the next experiment is known when the ranking is done; wait for it")
     stated = PLAIN.read(Notice | None, ranking.result["advice"], "ranking: advice")
     advice = stated or ranking.result["next_experiment"]  # an old session holds the text alone
-    planned = face.plan_experiment(advice, _records(session), present.plant, rate_hz)
+    planned = face.plan_experiment(advice, session.need_data(), present.plant, rate_hz)
     if planned is None:
         raise InputError("no experiment is advised that is a motion; there is nothing to play")
     return planned.csv()

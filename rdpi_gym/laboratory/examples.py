@@ -12,33 +12,17 @@ from rdpi_gym.measurement import example_folder, measured_data
 
 @dataclass(frozen=True)
 class Example:
-    """Something to begin with.
-
-    Parameters
-    ----------
-    key, title, text
-        Its name, and what it is.
-    kind
-        ``exercise`` (simulated, effects are hidden) or ``measured``.
-    records, samples
-        How many there are.
-    simulated
-        Arguments of :func:`rdpi_gym.simulate`; None for measured records.
-    folder
-        Name of the folder of measured records.
-    settings
-        What is said of them beside their own ``dataset.toml``.
-    """
+    """Something to begin with."""
 
     key: str
     title: str
     text: str
-    kind: str
+    kind: str  # ``exercise`` (simulated, effects are hidden) or ``measured``
     records: int
     samples: int
-    simulated: Mapping[str, Any] | None = None
-    folder: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    simulated: Mapping[str, Any] | None = None  # arguments of rdpi_gym.simulate
+    folder: str = ""  # of measured records
+    settings: Mapping[str, Any] = field(default_factory=dict)  # beside their own dataset.toml
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the list: without what is hidden."""

@@ -26,10 +26,7 @@ from rdpi_gym.support.words import quoted, some
 
 
 class Lab(Models):
-    """One session at work; its actions are called from the loop of the server alone.
-
-    Parameters are those of :class:`Models`.
-    """
+    """One session at work; its actions are called from the loop of the server alone."""
 
     def __init__(self, folder: Path, events: Events, processes: int) -> None:
         super().__init__(folder, events, processes)
@@ -52,11 +49,6 @@ class Lab(Models):
 
         Of files of one name that are sent at once each has a place of its own, and the last that is
         whole stays.
-
-        Raises
-        ------
-        InputError
-            Its name is no data file's, there are too many, or the folder of the session holds a link.
         """
         session = self.session
         check_folder(session.folder)
@@ -104,13 +96,7 @@ class Lab(Models):
             self.session.write({"do": "file", "name": name, "entry": entry})
 
     async def delete_file(self, name: str) -> dict[str, Any]:
-        """Take a file out; the data are read again by :meth:`open`.
-
-        Raises
-        ------
-        InputError
-            There is no such file.
-        """
+        """Take a file out; the data are read again by :meth:`open`."""
         session = self.session
         if name not in session.files:
             raise InputError(f"there is no file {quoted(name)}; there are {some(session.files)}")
@@ -131,11 +117,6 @@ class Lab(Models):
 
         Where the records are those that are open (a file was refused, or taken out again), what was
         done with them goes on, unless it is to begin `anew`.
-
-        Raises
-        ------
-        InputError
-            No file can be read; the files say which and where.
         """
         session = self.session
         check_folder(session.folder)
@@ -171,13 +152,7 @@ class Lab(Models):
         await self.open()
 
     async def take_example(self, key: str) -> dict[str, Any]:
-        """Begin with an exercise or a measured example, in place of the files that are there.
-
-        Raises
-        ------
-        InputError
-            There is no such example.
-        """
+        """Begin with an exercise or a measured example, in place of the files that are there."""
         known = {example.key: example for example in examples()}
         if key not in known:
             raise InputError(f"there is no example {quoted(key)}; there are {', '.join(known)}")
@@ -211,13 +186,7 @@ class Lab(Models):
             path.unlink()
 
     async def set_settings(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Write what is said of the data, read again, fit again.
-
-        Raises
-        ------
-        InputError
-            A setting that there is not; one that the data cannot be read with is taken back.
-        """
+        """Write what is said of the data, read again, fit again."""
         session = self.session
         check_folder(session.folder)
         folder = session.data_folder
@@ -237,16 +206,10 @@ class Lab(Models):
     # models and steps
 
     async def set_core(self, core: str) -> dict[str, Any]:
-        """Fit the base model with another kind of hysteresis: a new history.
-
-        Raises
-        ------
-        InputError
-            There is no such kind.
-        """
+        """Fit the base model with another kind of hysteresis: a new history."""
         if core not in (*CORES, "auto"):
             raise InputError(f"core {quoted(core)} is unknown; give auto, {', '.join(CORES)}")
-        self.need_data()
+        self.session.need_data()
         return await self.open(core)
 
     async def rank(self) -> dict[str, Any]:
@@ -254,19 +217,13 @@ class Lab(Models):
         if self.session.current is None:
             return await self.open()
         await self._stop()
-        step = self._current()
+        step = self.session.present()
         self._rank_from(step, step.plant, None, None)
         return self.state()
 
     async def add(self, effect: str) -> dict[str, Any]:
-        """Add an effect as its refit left it, and rank on from there; refit it first where none is there.
-
-        Raises
-        ------
-        InputError
-            There is no such effect, or the model has it.
-        """
-        step = self._current()
+        """Add an effect as its refit left it, and rank on from there; refit it first where none is there."""
+        step = self.session.present()
         if effect not in face.effects and effect != "unknown":
             raise InputError(
                 f"effect {quoted(effect)} is unknown; give one of {', '.join(face.effects)}"
@@ -305,14 +262,8 @@ class Lab(Models):
             self._refit(moved, rank=True)
 
     async def remove(self, effect: str) -> dict[str, Any]:
-        """Take an effect out, refit everything, and rank on from there.
-
-        Raises
-        ------
-        InputError
-            The model does not have it.
-        """
-        step = self._current()
+        """Take an effect out, refit everything, and rank on from there."""
+        step = self.session.present()
         names = [own.name for own in step.plant.effects]
         if effect not in names:
             raise InputError(
@@ -354,7 +305,7 @@ class Lab(Models):
 
     async def hold(self, effect: str, parameter: str, held: bool) -> dict[str, Any]:
         """Hold a parameter in refits, or release it."""
-        step = self._current()
+        step = self.session.present()
         name = self._parameter(step.plant, effect, parameter)
         others = tuple(each for each in step.held if each != name)
         changed = replace(step, held=(*others, name) if held else others)
@@ -365,7 +316,7 @@ class Lab(Models):
     async def refit(self) -> dict[str, Any]:
         """Fit the present model anew from where it stands; what is held stays."""
         await self._stop()
-        self._refit(self._current(), rank=False)
+        self._refit(self.session.present(), rank=False)
         return self.state()
 
     def _refit(self, step: Step, rank: bool) -> None:
@@ -381,14 +332,8 @@ class Lab(Models):
         self._begin("refit", "Refitting", jobs.refit, arguments, refitted)
 
     async def settle(self) -> dict[str, Any]:
-        """Take the model as the ranking ended with it: the same effects, its core in few numbers.
-
-        Raises
-        ------
-        InputError
-            The ranking is not there, or it advises to add something first.
-        """
-        step = self._current()
+        """Take the model as the ranking ended with it: the same effects, its core in few numbers."""
+        step = self.session.present()
         ranking = self.session.ranking_of(step.id)
         result = None if ranking is None else ranking.result
         if result is None or result.get("settled") is None:
@@ -406,7 +351,7 @@ class Lab(Models):
 
     def moved(self, effect: str, parameter: str, value: float) -> PlantModel:
         """Return the present model with a parameter at another value."""
-        plant = self._current().plant
+        plant = self.session.present().plant
         self._parameter(plant, effect, parameter)
         return _moved(plant, effect, parameter, value)
 
@@ -415,7 +360,7 @@ class Lab(Models):
         plant = self.moved(effect, parameter, value)
         await self._stop()
         await asyncio.to_thread(self.respond, plant)  # the first time takes longer
-        self._set(self._current(), effect, parameter, value)
+        self._set(self.session.present(), effect, parameter, value)
         return self.state()
 
     def _set(self, step: Step, effect: str, parameter: str, value: float) -> Step:
@@ -439,7 +384,7 @@ class Lab(Models):
     async def payoff(self, reference: Mapping[str, Any]) -> dict[str, Any]:
         """Simulate what compensators of the present model gain on a reference."""
         await self._stop()
-        step, data = self._current(), self.need_data()
+        step, data = self.session.present(), self.session.need_data()
         ts_s = min(record.ts_s for record in data.records)
         course(reference, step.plant, ts_s)  # what cannot be run is said at once
         base = self.session.step(self.session.path[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hmac
 import json
 import os
 import secrets
@@ -10,49 +11,52 @@ import socket
 import sys
 import threading
 import traceback
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from rdpi_gym.laboratory.guard import Guard
 from rdpi_gym.laboratory.session_jobs import Events
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import BINARY, NO_LINK, parse_json
-from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
     from rdpi_gym.laboratory.lab import Lab
-    from rdpi_gym.measurement import Record
-    from rdpi_gym.support.arrays import Array
 
 HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
 MOST_JSON_BYTES = 2**20
-Action = Callable[["Lab", Mapping[str, Any]], Awaitable[dict[str, Any]]]
+ADDRESS_NEEDED = "Open the address that `rdpi lab` printed."
+TICKET_USED = (
+    "This address has been opened already. If that was not you, end the laboratory: somebody else on this "
+    "machine has opened it. Else open the address that `rdpi lab` printed."
+)
+_KINDS = (b"application/json", b"application/octet-stream")
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; connect-src 'self'; font-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = (
+    (b"content-security-policy", _POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+)
+Endpoint = Callable[["Server", Request], Awaitable[Any]]
 
 
 @dataclass(frozen=True)
 class Place:
-    """Address of a server.
-
-    Parameters
-    ----------
-    socket
-        Bound, not listening yet.
-    token
-        Secret of the address that is printed.
-    ticket
-        Secret of the address that a browser is started with; good once.
-    """
+    """Address of a server: a bound socket, the secret of the printed address, that of a browser's first one."""
 
     socket: socket.socket
     token: str
@@ -93,6 +97,81 @@ def bind(port: int = 0) -> Place:
     return Place(bound, secrets.token_urlsafe(24), secrets.token_urlsafe(24))
 
 
+class Guard:
+    """An ASGI application behind the rules of the laboratory.
+
+    The files of the page are for everybody on this machine. Whatever else is asked carries the token
+    in a header, which no other page and no other server can send or receive: cookies go to
+    every port of an address. The `ticket` of the address that a browser is started with, where every
+    user of the machine may read it, is good once, for the `token`.
+    """
+
+    def __init__(
+        self, app: Any, token: str, ticket: str, port: int, public: Collection[str]
+    ) -> None:
+        self._app, self._token, self._ticket, self._public = app, token, ticket, public
+        self._hosts = {f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost")}
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Let a request through, or answer it with 403 or 415 and one line."""
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self._app(scope, receive, send)
+            return
+        headers = dict(scope["headers"])
+
+        async def guarded(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                own = [*message["headers"], *_HEADERS]
+                if scope["path"] not in self._public or scope["path"] == "/":
+                    own.append((b"cache-control", b"no-store"))
+                message = {**message, "headers": own}
+            await send(message)
+
+        if (refused := self._refused(scope, headers)) is not None:
+            await _answer(guarded, *refused)
+            return
+        if scope["path"] not in self._public:
+            given = headers.get(b"authorization", b"")
+            if scope["path"] == "/api/token":
+                await self._exchange(given, guarded)
+                return
+            if not hmac.compare_digest(given, f"Bearer {self._token}".encode()):
+                await _answer(guarded, 403, ADDRESS_NEEDED)
+                return
+        await self._app(scope, receive, guarded)
+
+    async def _exchange(self, given: bytes, send: Any) -> None:
+        """Answer the first who shows the ticket with the token."""
+        if self._ticket and hmac.compare_digest(given, f"Ticket {self._ticket}".encode()):
+            self._ticket = ""
+            await _answer(send, 200, json.dumps({"token": self._token}), b"application/json")
+        else:
+            await _answer(send, 403, json.dumps({"problem": TICKET_USED}), b"application/json")
+
+    def _refused(self, scope: Any, headers: dict[bytes, bytes]) -> tuple[int, str] | None:
+        """Return why a request is refused whoever sends it; None where it is not."""
+        host, origin = headers.get(b"host", b""), headers.get(b"origin")
+        if host not in self._hosts:
+            return 403, "This server answers at 127.0.0.1 and localhost alone."
+        if origin is not None and origin.removeprefix(b"http://") not in self._hosts:
+            return 403, "Another page may not ask this server."
+        if scope["method"] in ("POST", "PUT"):
+            kind = headers.get(b"content-type", b"").split(b";")[0].strip().lower()
+            if kind not in _KINDS:
+                return 415, "Send application/json or application/octet-stream."
+        return None
+
+
+async def _answer(
+    send: Any, status: int, line: str, kind: bytes = b"text/plain; charset=utf-8"
+) -> None:
+    body = f"{line}\n".encode()
+    headers = [(b"content-type", kind), (b"content-length", str(len(body)).encode())]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
+
+
 class _Uvicorn(uvicorn.Server):
     """A server whose listeners are let go when it is asked to end: they would hold it up."""
 
@@ -105,19 +184,27 @@ class _Uvicorn(uvicorn.Server):
         await super().shutdown(sockets)
 
 
+def _answering(answer: Endpoint) -> Endpoint:
+    """Return a route that sends what is answered as JSON, and what is refused as one line."""
+
+    @wraps(answer)
+    async def endpoint(self: Server, request: Request) -> Response:
+        try:
+            found = await answer(self, request)
+        except InputError as error:
+            return JSONResponse({"problem": error.fact}, 400)
+        if isinstance(found, Response):
+            return found
+        body = json.dumps(found, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        return Response(body, media_type="application/json")
+
+    return endpoint
+
+
 class Server:
     """A server of one session; the page is there at once, the library is loaded behind it.
 
-    Parameters
-    ----------
-    place
-        Where it listens.
-    folder
-        Of the session.
-    sources
-        Data files and folders to begin with.
-    processes
-        Among which a ranking divides its candidates; -1: one a core.
+    `sources` are data to begin with, `processes` those among which a ranking is divided; -1: one a core.
     """
 
     def __init__(
@@ -181,22 +268,17 @@ class Server:
     # routes
 
     def _app(self) -> Starlette:
-        actions = {path: self._posted(path, action) for path, action in _ACTIONS.items()}
         routes = [
             Route("/", self._page),
             Route("/plotly.js", self._plotly),
-            Route("/api/state", self._told(_state)),
+            Route("/api/state", self._state),
             Route("/api/events", self._listen),
-            Route("/api/examples", self._told(_examples)),
-            Route("/api/preview", self._told(_preview)),
-            Route("/api/trace", self._told(_trace)),
-            Route("/api/views", self._told(_views)),
-            Route("/api/brush", self._told(_brush)),
             Route("/api/take/{name}", self._take),
             Route("/api/files/{name:path}", self._file, methods=["PUT", "DELETE"]),
-            *(Route(f"/api/{path}", endpoint, methods=["POST"]) for path, endpoint in actions.items()),
+            Route("/api/{question}", self._question),
+            Route("/api/{action}", self._action, methods=["POST"]),
             Mount("/", StaticFiles(directory=PAGE, check_dir=False)),
-        ]  # fmt: skip
+        ]
         return Starlette(routes=routes, exception_handlers={Exception: _failed})
 
     async def _page(self, request: Request) -> Response:
@@ -211,84 +293,60 @@ class Server:
         bundle = Path(spec.origin).parent / "package_data" / "plotly.min.js"
         return FileResponse(bundle, headers={"cache-control": "max-age=86400"})
 
-    async def _listen(self, request: Request) -> Response:
-        try:
-            await self._ready()
-        except InputError as error:
-            return JSONResponse({"problem": error.fact}, 400)
+    @_answering
+    async def _state(self, request: Request) -> Any:
+        return (await self._ready()).state()
+
+    @_answering
+    async def _listen(self, request: Request) -> Any:
+        await self._ready()
         return StreamingResponse(self._events.listen(), media_type="text/event-stream")
 
-    def _told(self, tell: Callable[[Lab, Mapping[str, str]], Any]) -> Any:
-        """Answer a question in a thread."""
+    @_answering
+    async def _question(self, request: Request) -> Any:
+        lab = await self._ready()
+        from rdpi_gym.laboratory.actions import QUESTIONS
 
-        async def endpoint(request: Request) -> Response:
-            async def answer() -> Any:
-                lab = await self._ready()
-                if tell is _state:
-                    return lab.state()
-                return await asyncio.to_thread(tell, lab, request.query_params)
+        question = QUESTIONS.get(request.path_params["question"])
+        if question is None:
+            raise HTTPException(404)
+        return await asyncio.to_thread(question, lab, request.query_params)
 
-            return await _answered(answer)
+    @_answering
+    async def _take(self, request: Request) -> Any:
+        name, lab = request.path_params["name"], await self._ready()
+        from rdpi_gym.laboratory.actions import take
 
-        return endpoint
+        media_type, text = await asyncio.to_thread(take, lab, name, request.query_params)
+        kept = {"content-disposition": f'attachment; filename="{name}"'}
+        return Response(text.encode(), media_type=media_type, headers=kept)
 
-    def _posted(self, path: str, action: Action) -> Any:
-        async def endpoint(request: Request) -> Response:
-            async def answer() -> Any:
-                said, lab = await _json(request), await self._ready()
-                if path == "parameter" and not said.get("commit"):
-                    return await action(lab, said)
-                async with lab.acting:
-                    return await action(lab, said)
+    @_answering
+    async def _action(self, request: Request) -> Any:
+        said, lab = await _json(request), await self._ready()
+        from rdpi_gym.laboratory.actions import ACTIONS
 
-            return await _answered(answer)
+        name = request.path_params["action"]
+        if name not in ACTIONS:
+            raise HTTPException(404)
+        if name == "parameter" and not said.get("commit"):
+            return await ACTIONS[name](lab, said)
+        async with lab.acting:
+            return await ACTIONS[name](lab, said)
 
-        return endpoint
-
-    async def _take(self, request: Request) -> Response:
-        from rdpi_gym.laboratory.downloads import download
-
-        rate = request.query_params.get("rate_hz")
-        try:
-            lab = await self._ready()
-            rate_hz = None if rate is None else _number(request.query_params, "rate_hz")
-            taken = await asyncio.to_thread(
-                download, lab.session, request.path_params["name"], rate_hz
-            )
-        except InputError as error:
-            return JSONResponse({"problem": error.fact}, 400)
-        return Response(
-            taken.content,
-            media_type=taken.media_type,
-            headers={"content-disposition": f'attachment; filename="{taken.name}"'},
-        )
-
-    async def _file(self, request: Request) -> Response:
-        name = request.path_params["name"]
-
-        async def answer() -> Any:
-            lab = await self._ready()
-            if request.method == "DELETE":
-                async with lab.acting:
-                    return await lab.delete_file(name)
-            return await lab.put_file(name, partial(_received, request))
-
-        return await _answered(answer)
+    @_answering
+    async def _file(self, request: Request) -> Any:
+        name, lab = request.path_params["name"], await self._ready()
+        if request.method == "DELETE":
+            async with lab.acting:
+                return await lab.delete_file(name)
+        return await lab.put_file(name, partial(_received, request))
 
 
 def _lab(folder: Path, events: Events, processes: int) -> Lab:
     from rdpi_gym.laboratory.lab import Lab
 
     return Lab(folder, events, processes)
-
-
-async def _answered(answer: Callable[[], Awaitable[Any]]) -> Response:
-    try:
-        found = await answer()
-    except InputError as error:
-        return JSONResponse({"problem": error.fact}, 400)
-    body = json.dumps(found, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return Response(body, media_type="application/json")
 
 
 async def _failed(request: Request, error: Exception) -> Response:
@@ -334,163 +392,6 @@ async def _received(request: Request, path: Path) -> None:
         raise InputError(
             f"the file cannot be written ({error.strerror}); free some space"
         ) from error
-
-
-# what a request says
-
-
-def _text(said: Mapping[str, Any], key: str) -> str:
-    value = said.get(key)
-    if not isinstance(value, str):
-        raise InputError(f"{key} is {quoted(value)}; give a text")
-    return value
-
-
-def _number(said: Mapping[str, Any], key: str) -> float:
-    value = said.get(key)
-    try:
-        found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{key} is {quoted(value)}; give a number") from None
-    if found != found or abs(found) == float("inf"):
-        raise InputError(f"{key} is {quoted(value)}; give a finite number")
-    return found
-
-
-def _optional(said: Mapping[str, Any], key: str) -> float | None:
-    return None if said.get(key) in (None, "") else _number(said, key)
-
-
-# questions, answered in threads
-
-
-def _state(lab: Lab, asked: Mapping[str, str]) -> Any:
-    return lab.state()
-
-
-def _examples(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.examples import examples
-
-    return [example.to_dict() for example in examples()]
-
-
-def _preview(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.data_import import preview
-
-    return preview(
-        lab.session.data_folder, lab.session.files, _text(asked, "file"), asked.get("separator")
-    )
-
-
-def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory import views
-
-    data = lab.need_data()
-    record = views.record_named(data, _text(asked, "record"))
-    plant = lab.plant_shown(asked.get("step") or None)
-    effect = asked.get("effect")
-    other = lab.plant_with(effect, asked.get("step") or None) if effect else None
-    part = views.stretch(record, _optional(asked, "from_s"), _optional(asked, "to_s"))
-    points = int(_optional(asked, "points") or views.POINTS)
-    return views.trace(
-        record,
-        None if plant is None else lab.displacement(plant, record.name),
-        None if other is None else lab.displacement(other, record.name),
-        part,
-        min(max(points, 100), 20_000),
-    )
-
-
-def _views(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.views import residual_views
-
-    record, model_um = _modelled(lab, asked)
-    return residual_views(record, model_um, lab.noise_um())
-
-
-def _brush(lab: Lab, asked: Mapping[str, str]) -> Any:
-    from rdpi_gym.laboratory.views import brushed
-
-    record, model_um = _modelled(lab, asked)
-    ends = (_optional(asked, "from_s"), _optional(asked, "to_s"))
-    return brushed(record, model_um, asked.get("by") or "time", *ends)
-
-
-def _modelled(lab: Lab, asked: Mapping[str, str]) -> tuple[Record, Array]:
-    """Return a record, and what the model of a step makes of it (µm)."""
-    from rdpi_gym.laboratory.views import record_named
-
-    record = record_named(lab.need_data(), _text(asked, "record"))
-    plant = lab.plant_shown(asked.get("step") or None)
-    if plant is None:
-        raise InputError("there is no model yet; wait for the base model")
-    return record, lab.displacement(plant, record.name)
-
-
-# actions, called in the loop
-
-
-async def _parameter(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
-    effect = said.get("effect") or ""
-    name, value = _text(said, "parameter"), _number(said, "value")
-    if not isinstance(effect, str):
-        raise InputError(f"effect is {quoted(effect)}; give a text")
-    if said.get("commit"):
-        return await lab.set_parameter(effect, name, value)
-    plant = lab.moved(effect, name, value)
-
-    def answer() -> dict[str, Any]:
-        from rdpi_gym.laboratory import views
-
-        response = lab.respond(plant, keep=False)
-        found: dict[str, Any] = {
-            "errors": {
-                "train_um": views.number(response.errors.train_rmse_um),
-                "validation_um": views.number(response.errors.validation_rmse_um),
-            },
-            "trace": None,
-        }
-        if said.get("record"):
-            record = views.record_named(lab.need_data(), _text(said, "record"))
-            part = views.stretch(record, _optional(said, "from_s"), _optional(said, "to_s"))
-            model_um = response.model_um[record.name]
-            found["trace"] = views.trace(record, model_um, None, part)
-        return found
-
-    return await asyncio.to_thread(answer)
-
-
-async def _hold(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
-    effect = said.get("effect") or ""
-    return await lab.hold(str(effect), _text(said, "parameter"), bool(said.get("held")))
-
-
-async def _payoff(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
-    reference = said.get("reference")
-    if not isinstance(reference, dict):
-        raise InputError(f"reference is {quoted(reference)}; give an object")
-    return await lab.payoff(reference)
-
-
-_ACTIONS: Mapping[str, Action] = {
-    "open": lambda lab, said: lab.open(),
-    "example": lambda lab, said: lab.take_example(_text(said, "key")),
-    "settings": lambda lab, said: lab.set_settings(said),
-    "core": lambda lab, said: lab.set_core(_text(said, "core")),
-    "rank": lambda lab, said: lab.rank(),
-    "cancel": lambda lab, said: lab.cancel(),
-    "add": lambda lab, said: lab.add(_text(said, "effect")),
-    "remove": lambda lab, said: lab.remove(_text(said, "effect")),
-    "unknown": lambda lab, said: lab.add("unknown"),
-    "undo": lambda lab, said: lab.undo(),
-    "redo": lambda lab, said: lab.redo(),
-    "go": lambda lab, said: lab.go(_text(said, "step")),
-    "hold": _hold,
-    "refit": lambda lab, said: lab.refit(),
-    "settle": lambda lab, said: lab.settle(),
-    "parameter": _parameter,
-    "payoff": _payoff,
-}
 
 
 def in_thread(server: Server) -> threading.Thread:

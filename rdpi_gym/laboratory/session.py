@@ -87,38 +87,19 @@ Event = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Step:
-    """A model that was reached, and how.
+    """A model that was reached, and how."""
 
-    Parameters
-    ----------
-    id
-        Names it in the session: ``s1``, ``s2``, ...
-    parent
-        The step that it was made from; None: from the data alone.
-    label
-        What was done, for a person.
-    made
-        The same for a program: ``kind`` is ``fit``, ``candidate`` (with ``effect`` and ``form``),
-        ``removal`` (``effect``), ``refit`` (``held``), ``set`` (``effect``, ``parameter``, ``value``).
-    plant
-        The model.
-    train_um, validation_um
-        Its error (µm rms) on records to fit and to validate on, one offset free in each.
-    by_record_um
-        The same by record.
-    held
-        Parameters that refits leave alone, as ``effect.parameter``.
-    """
-
-    id: str
-    parent: str | None
-    label: str
+    id: str  # ``s1``, ``s2``, ...
+    parent: str | None  # the step that it was made from; None: from the data alone
+    label: str  # what was done, for a person; `made` for a program:
+    # kind ``fit``, ``candidate`` (with ``effect`` and ``form``), ``added`` and ``removal`` (``effect``),
+    # ``refit`` (``held``), ``set`` (``effect``, ``parameter``, ``value``), ``settled``
     made: Mapping[str, Any]
     plant: PlantModel
-    train_um: float
+    train_um: float  # errors (µm rms), one offset free in each record
     validation_um: float
     by_record_um: Mapping[str, float]
-    held: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()  # parameters that refits leave alone, as ``effect.parameter``
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the journal."""
@@ -138,27 +119,13 @@ class Step:
 
 @dataclass(frozen=True)
 class Ranking:
-    """The candidates that were tried on a step.
-
-    Parameters
-    ----------
-    step
-        The step.
-    status
-        ``running``, ``done``, ``cancelled`` or ``failed``.
-    refits
-        Objects of :class:`rdpi_gym.Refit` by ``(effect, form)``, as they came; the base model, which
-        the candidates are compared with, has an empty effect.
-    result
-        The object of ``diagnosis.json``, once all is known.
-    problem
-        Why it failed: one line.
-    """
+    """The candidates that were tried on a step."""
 
     step: str
-    status: str = "running"
+    status: str = "running"  # ``running``, ``done``, ``cancelled`` or ``failed``
+    # by (effect, form), in the order of arrival; the base model has an empty effect
     refits: Mapping[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
-    result: Mapping[str, Any] | None = None
+    result: Mapping[str, Any] | None = None  # the object of ``diagnosis.json``
     problem: str | None = None
 
     def plant_with(self, effect: str, form: str | None = None) -> PlantModel | None:
@@ -185,50 +152,24 @@ class Ranking:
 
 
 class Session:
-    """A session of the laboratory in its folder; every change goes through :meth:`write`.
+    """A session of the laboratory in its folder: data in ``data``, events in ``journal.jsonl``.
 
-    Parameters
-    ----------
-    folder
-        Where it is kept: the data in ``data``, what was done in ``journal.jsonl``.
-
-    Attributes
-    ----------
-    steps : dict of str, Step
-        All steps by id.
-    path, redo : list of str
-        Steps from the base model to the present one, and those that were undone, the next one first.
-    rankings : dict of str, Ranking
-        By step.
-    payoffs : dict of str, dict
-        What the last payoff of a step returned.
-    said : dict of str, dict
-        By step, the ``sentence`` on where it fails most, and the noise floor ``noise_um`` (µm rms).
-    files : dict of str, dict
-        Data files by name: ``problem``, ``row``, ``column``, each None where it was read.
-
-    Raises
-    ------
-    InputError
-        The journal is damaged before its last line, or cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     Session(Path(folder)).current is None
-    True
+    Every change goes through :meth:`write`.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.steps: dict[str, Step] = {}
-        self.path: list[str] = []
-        self.redo: list[str] = []
-        self.rankings: dict[str, Ranking] = {}
+        self.path: list[str] = []  # from the base model to the present step
+        self.redo: list[str] = []  # undone steps, the next one first
+        self.rankings: dict[str, Ranking] = {}  # this and the next two by step
         self.payoffs: dict[str, dict[str, Any]] = {}
-        self.said: dict[str, dict[str, Any]] = {}
-        self.files: dict[str, dict[str, Any]] = {}
+        self.said: dict[
+            str, dict[str, Any]
+        ] = {}  # `sentence` on the residual, and `noise_um` (µm rms)
+        self.files: dict[
+            str, dict[str, Any]
+        ] = {}  # `problem`, `row`, `column`: None where it was read
         self._data: face.Dataset | None = None
         self._is_read = False
         self._count = 0
@@ -261,9 +202,17 @@ class Session:
         """The present step."""
         return self.path[-1] if self.path else None
 
-    def plant_of(self, step: str) -> PlantModel:
-        """Return the model of a step."""
-        return self.step(step).plant
+    def need_data(self) -> face.Dataset:
+        """Return the records."""
+        if self.data is None:
+            raise InputError("there are no data yet; drop a file or take an exercise")
+        return self.data
+
+    def present(self) -> Step:
+        """Return the present step."""
+        if self.current is None:
+            raise InputError("there is no model yet; drop a file or take an exercise")
+        return self.step(self.current)
 
     def step(self, step: str) -> Step:
         """Return a step."""

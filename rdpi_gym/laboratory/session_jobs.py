@@ -29,13 +29,7 @@ _MOST_WAITING = 500
 
 
 class Events:
-    """Listeners, and what they are told; used in the loop of the server alone.
-
-    Attributes
-    ----------
-    state : callable
-        Returns the whole state.
-    """
+    """Listeners, and what they are told; used in the loop of the server alone."""
 
     def __init__(self) -> None:
         self.state: Callable[[], dict[str, Any]] = dict
@@ -109,17 +103,7 @@ class Job:
 
 
 class SessionJobs:
-    """A session and the job that runs on it; used in the loop of the server alone.
-
-    Parameters
-    ----------
-    folder
-        Of the session.
-    events
-        Who listens.
-    processes
-        Among which a ranking divides its candidates.
-    """
+    """A session and the job that runs on it, divided among processes; used in the loop of the server alone."""
 
     def __init__(self, folder: Path, events: Events, processes: int) -> None:
         self.session = Session(folder)
@@ -232,20 +216,7 @@ class SessionJobs:
             print(f"rdpi lab: {type(error).__name__}: {error}", file=sys.stderr)
 
     def _with_data(self, arguments: dict[str, Any]) -> dict[str, Any]:
-        return {"data": self.need_data(), **arguments}
-
-    def need_data(self) -> face.Dataset:
-        """Return the records."""
-        data = self.session.data
-        if data is None:
-            raise InputError("there are no data yet; drop a file or take an exercise")
-        return data
-
-    def _current(self) -> Step:
-        current = self.session.current
-        if current is None:
-            raise InputError("there is no model yet; drop a file or take an exercise")
-        return self.session.step(current)
+        return {"data": self.session.need_data(), **arguments}
 
 
 _TIMES_FLOOR = 1.15  # of the noise: up to here nothing is left that matters
@@ -264,10 +235,7 @@ class Pending:
 
 
 class Models(SessionJobs):
-    """A session whose models are tried, ranked on and made steps of.
-
-    Parameters are those of :class:`SessionJobs`.
-    """
+    """A session whose models are tried, ranked on and made steps of."""
 
     def __init__(self, folder: Path, events: Events, processes: int) -> None:
         super().__init__(folder, events, processes)
@@ -302,7 +270,7 @@ class Models(SessionJobs):
     def plant_shown(self, step: str | None) -> PlantModel | None:
         """Return the model of a step, by default the present one; None where there is none."""
         name = step or self.session.current
-        return None if name is None else self.session.plant_of(name)
+        return None if name is None else self.session.step(name).plant
 
     def plant_with(self, effect: str, step: str | None) -> PlantModel | None:
         """Return the model of a step with a candidate; None where it was not tried."""
@@ -311,7 +279,7 @@ class Models(SessionJobs):
         return None if ranking is None else ranking.plant_with(effect)
 
     def _look(self) -> face.Inspection:
-        data = self.need_data()
+        data = self.session.need_data()
         with self._looking:
             if self._looked is None or self._looked[0] is not data:
                 self._responses.clear()
@@ -416,7 +384,7 @@ class Models(SessionJobs):
         self._in_background(self._compare(self.session.step(step)))
 
     async def _compare(self, step: Step) -> None:
-        found = await asyncio.to_thread(face.compare, self.need_data(), step.plant)
+        found = await asyncio.to_thread(face.compare, self.session.need_data(), step.plant)
         if self.session.steps.get(step.id) is not step:
             return  # it has moved on meanwhile
         sentence = _sentence(step.validation_um, found)

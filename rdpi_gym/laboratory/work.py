@@ -41,13 +41,7 @@ _RESERVE_S = (
 
 @dataclass(frozen=True)
 class Tell:
-    """Callbacks of a task.
-
-    Parameters
-    ----------
-    send
-        Takes a message to the server.
-    """
+    """Callbacks of a task; `send` takes a message to the server."""
 
     send: Callable[[Message], None]
 
@@ -63,12 +57,7 @@ class Tell:
 class Worker:
     """A process in a group of its own, with everything loaded that a job needs.
 
-    Parameters
-    ----------
-    warm
-        Whether it loads what jobs need before the first comes.
-    helpers
-        Processes of its own that it starts, too, before the first job comes.
+    A `warm` one loads what jobs need, and starts its `helpers`, before the first job comes.
 
     Examples
     --------
@@ -160,15 +149,7 @@ class Worker:
 
 
 class Workers:
-    """One worker at work and one in reserve, so that a job begins at once after a cancel.
-
-    Parameters
-    ----------
-    make
-        Makes a worker, with helpers of its own or without.
-    helpers
-        Of the first worker.
-    """
+    """One worker at work and one in reserve, so that a job begins at once after a cancel."""
 
     def __init__(self, make: Callable[..., Worker] = Worker, helpers: int = 0) -> None:
         self._make = make

@@ -50,26 +50,26 @@ def session(tmp_path_factory):
 
 
 def test_the_model_that_is_taken_is_the_present_one(session):
-    taken = PlantModel.from_dict(json.loads(download(session, "model.json").content))
-    assert taken.effects == session.plant_of("s3").effects
-    assert taken.hysteresis == session.plant_of("s3").hysteresis
+    taken = PlantModel.from_dict(json.loads(download(session, "model.json")[1]))
+    assert taken.effects == session.step("s3").plant.effects
+    assert taken.hysteresis == session.step("s3").plant.hysteresis
 
 
 def test_a_notebook_repeats_a_fit_and_a_value_set_by_hand(session):
-    prepared, helpers, *cells = code_of(download(session, "notebook.ipynb").content)
+    prepared, helpers, *cells = code_of(download(session, "notebook.ipynb")[1])
     names: dict = {}
     exec(prepared + "\n" + helpers + "\n" + cells[0], names)
     assert names["errors"]["s1"] == (session.step("s1").train_um, session.step("s1").validation_um)
-    names["s2"] = session.plant_of("s2")  # a search is too long here: see the test in a browser
+    names["s2"] = session.step("s2").plant  # a search is too long here: see the test in a browser
     exec(cells[2], names)
-    assert names["s3"].effects == session.plant_of("s3").effects
+    assert names["s3"].effects == session.step("s3").plant.effects
     assert names["errors"]["s3"] == (session.step("s3").train_um, session.step("s3").validation_um)
     assert "rg.add('creep', data, s1)" in cells[1]
 
 
 def test_settings_and_session_say_what_was_done(session):
-    assert set(tomllib.loads(download(session, "dataset.toml").content.decode())["records"])
-    document = json.loads(download(session, "session.json").content)
+    assert set(tomllib.loads(download(session, "dataset.toml")[1])["records"])
+    document = json.loads(download(session, "session.json")[1])
     assert document["path"] == ["s1", "s2", "s3"]
     assert [event["do"] for event in document["events"]] == ["read", "step", "step", "step"]
 

@@ -3,7 +3,7 @@
 import asyncio
 import json
 
-from rdpi_gym.laboratory.guard import ADDRESS_NEEDED, TICKET_USED, Guard
+from rdpi_gym.laboratory.server import ADDRESS_NEEDED, TICKET_USED, Guard
 from tests.looping import over
 
 TOKEN, TICKET, PORT = "a-token", "a-ticket", 8080

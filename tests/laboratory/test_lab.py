@@ -168,7 +168,7 @@ def test_where_nothing_is_missing_the_model_in_few_numbers_can_be_taken(play):
     async def scene(lab):
         with pytest.raises(rg.InputError, match="there is no settled model: rank first"):
             await lab.settle()
-        errors = asdict(rg.respond(BASE, lab.need_data()).errors)
+        errors = asdict(rg.respond(BASE, lab.session.need_data()).errors)
         final = {"train_rmse": 0.4, "validation_rmse": 0.4, "by_record": errors["by_record_um"]}
         await told(lab, "done", result(settled=BASE.to_dict(), final=final))
         assert lab.state()["ranking"]["settled"] == {"train_um": 0.4, "validation_um": 0.4}
@@ -200,7 +200,7 @@ def test_an_exercise_takes_the_place_of_the_files_once_it_is_there(play):
         assert list(lab.session.files) == ["run.csv"]
         task, arguments = await begun(lab, 2)
         assert (task, arguments["hide"]) == (jobs.simulate, [])
-        before = lab.need_data()
+        before = lab.session.need_data()
         await told(lab, "done", replace(before, title="simulated"))
         await begun(lab, 3)
         assert (lab.state()["title"], lab.session.steps) == ("Perhaps nothing", {})

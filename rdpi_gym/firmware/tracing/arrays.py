@@ -28,6 +28,7 @@ from rdpi_gym.firmware.program import (
     Table,
     Value,
     literal,
+    words,
 )
 from rdpi_gym.firmware.tracing.tape import Tape, placed
 from rdpi_gym.support.errors import InputError
@@ -41,36 +42,9 @@ _TYPES: dict[Kind, np.dtype[Any]] = {
     "bool": np.dtype(np.bool_),
 }
 # Words that cannot name a field of a struct, in C or where C++ reads the header.
-_WORDS = C_KEYWORDS | frozenset(
-    [
-        "and",
-        "bool",
-        "catch",
-        "class",
-        "delete",
-        "explicit",
-        "export",
-        "false",
-        "friend",
-        "mutable",
-        "namespace",
-        "new",
-        "not",
-        "operator",
-        "or",
-        "private",
-        "protected",
-        "public",
-        "template",
-        "this",
-        "throw",
-        "true",
-        "try",
-        "typename",
-        "using",
-        "virtual",
-        "xor",
-    ]
+_WORDS = C_KEYWORDS | words(
+    "and bool catch class delete explicit export false friend mutable namespace new not operator or private "
+    "protected public template this throw true try typename using virtual xor"
 )
 _INDICES = "ijk"
 # Elements that are written one by one where no loop finds them.
@@ -168,11 +142,6 @@ class Recording:
         self.tape.write(f"{C_TYPES[kind]} {name} = {text};", name, (name, *writes), keeps)
         return Traced(Store(self, name, 1, kind), np.zeros(shape, dtype=np.int64))
 
-    def uses(self, function: str) -> str:
-        """Return the macro of a function of the mathematics, and note that it is called."""
-        self.mathematics.add(function)
-        return f"RDPI_{function}"
-
     def is_inexact(self, why: str) -> None:
         """Note a reason for which numbers may differ from Python's in their last digits."""
         self.inexact[why] = None
@@ -205,20 +174,6 @@ class Store:
         """Return the text of a pointer to an element."""
         element = self.element(place)
         return self.text if not place and element != self.text else f"&{element}"
-
-
-class Constant(Store):
-    """One number that is known, for every element."""
-
-    writable = False
-
-    def element(self, place: int) -> str:
-        """See :meth:`Store.element`."""
-        return self.text
-
-    def indexed(self, first: int, last: int, index: Callable[[int], str]) -> str | None:
-        """See :meth:`Store.indexed`."""
-        return self.text
 
 
 class Inputs(Store):
@@ -270,33 +225,15 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     }
     """
 
+    # from the table of NumPy's functions
+    ravel: Callable[..., Traced]
+    reshape: Callable[..., Traced]
+    transpose: Callable[..., Traced]
+
     def __init__(self, store: Store, places: Places) -> None:
         self.store, self.places = store, places
-
-    @property
-    def recording(self) -> Recording:
-        """Its recording."""
-        return self.store.recording
-
-    @property
-    def kind(self) -> Kind:
-        """Kind of its elements."""
-        return self.store.kind
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """As of an array."""
-        return self.places.shape
-
-    @property
-    def ndim(self) -> int:
-        """As of an array."""
-        return self.places.ndim
-
-    @property
-    def size(self) -> int:
-        """As of an array."""
-        return self.places.size
+        self.recording, self.kind = store.recording, store.kind
+        self.shape, self.ndim, self.size = places.shape, places.ndim, places.size
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -374,18 +311,6 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
             elif isinstance(part, (list, np.ndarray)) and np.ndim(part):
                 picks = True
         return (tuple(parts) if isinstance(key, tuple) else parts[0]), picks
-
-    def reshape(self, *shape: Any) -> Traced:
-        """As of an array."""
-        return self.view(self.places.reshape(*shape))
-
-    def ravel(self) -> Traced:
-        """As of an array."""
-        return self.view(self.places.ravel())
-
-    def transpose(self, *axes: Any) -> Traced:
-        """As of an array."""
-        return self.view(self.places.transpose(*axes))
 
     def astype(self, dtype: Any, **_: Any) -> Traced:
         """As of an array; single precision is not rounded to."""
@@ -514,7 +439,7 @@ def _read(operand: Operand, recording: Recording, cast: bool) -> Traced:
     if array.size == 1 or (array == array.flat[0]).all():
         number = array.ravel()[0].item()
         text = constant(float(number) if cast else number)
-        return Traced(Constant(recording, text, 1), np.zeros(array.shape, dtype=np.int64))
+        return Traced(Store(recording, text, 1), np.zeros(array.shape, dtype=np.int64))
     store = Store(recording, f"p->{recording.tables.named(array)}", array.size, local=False)
     return Traced(store, _counted(array.shape))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -27,57 +28,58 @@ from rdpi_gym.support.errors import InputError
 
 _ANOTHER_ORDER = "sums of a matrix product or of np.sum are taken in another order by NumPy"
 _OWN_FUNCTIONS = "NumPy has functions of its own for {}, off in the last digit"
+_EXACT = {"SQRT", "FLOOR", "CEIL"}
 
-_INFIX: dict[np.ufunc, tuple[str, Kind]] = {
-    np.add: ("+", "real"),
-    np.subtract: ("-", "real"),
-    np.multiply: ("*", "real"),
-    np.less: ("<", "bool"),
-    np.less_equal: ("<=", "bool"),
-    np.greater: (">", "bool"),
-    np.greater_equal: (">=", "bool"),
-    np.equal: ("==", "bool"),
-    np.not_equal: ("!=", "bool"),
+# Text of an elementwise function by its operands, and the kind of its result.
+_ELEMENTWISE: dict[np.ufunc, tuple[str, Kind]] = {
+    np.add: ("{} + {}", "real"),
+    np.subtract: ("{} - {}", "real"),
+    np.multiply: ("{} * {}", "real"),
+    np.divide: ("{} / {}", "real"),
+    np.less: ("{} < {}", "bool"),
+    np.less_equal: ("{} <= {}", "bool"),
+    np.greater: ("{} > {}", "bool"),
+    np.greater_equal: ("{} >= {}", "bool"),
+    np.equal: ("{} == {}", "bool"),
+    np.not_equal: ("{} != {}", "bool"),
+    np.isnan: ("rdpi_is_nan({})", "bool"),
+    np.isfinite: ("rdpi_abs({}) < RDPI_INFINITY", "bool"),
+    np.absolute: ("rdpi_abs({})", "real"),
+    np.fabs: ("rdpi_abs({})", "real"),
+    np.negative: ("-{}", "real"),
+    np.positive: ("{}", "real"),
+    np.square: ("{0} * {0}", "real"),
+    np.minimum: ("rdpi_min({}, {})", "real"),
+    np.maximum: ("rdpi_max({}, {})", "real"),
+    # NumPy's fmin and fmax take the other one where one is not a number
+    np.fmin: ("rdpi_is_nan({0}) ? {1} : (rdpi_is_nan({1}) ? {0} : rdpi_min({0}, {1}))", "real"),
+    np.fmax: ("rdpi_is_nan({0}) ? {1} : (rdpi_is_nan({1}) ? {0} : rdpi_max({0}, {1}))", "real"),
+    np.copysign: ("rdpi_copysign({}, {})", "real"),
+    np.sign: (
+        "({0} > RDPI_C(0.0)) ? RDPI_C(1.0) : (({0} < RDPI_C(0.0)) ? RDPI_C(-1.0) : {0})",
+        "real",
+    ),
+    **{
+        getattr(np, name): (f"RDPI_{name.upper()}({{}})", "real")
+        for name in (
+            "sqrt", "floor", "ceil", "exp", "expm1", "log", "log1p", "sin", "cos", "tanh",
+        )
+    },
+    np.arctanh: ("RDPI_C(0.5) * (RDPI_LOG1P({0}) - RDPI_LOG1P(-{0}))", "real"),
+    np.arcsinh: (
+        "rdpi_copysign(RDPI_LOG1P(rdpi_abs({0}) + {0} * {0} / "
+        "(RDPI_C(1.0) + RDPI_SQRT(RDPI_C(1.0) + {0} * {0}))), {0})",
+        "real",
+    ),
+}  # fmt: skip
+_OF_FLAGS: dict[np.ufunc, str] = {
+    **dict.fromkeys((np.logical_and, np.bitwise_and, np.multiply), "{} && {}"),
+    **dict.fromkeys((np.logical_or, np.bitwise_or, np.add), "{} || {}"),
+    **dict.fromkeys((np.logical_not, np.invert), "!{}"),
 }
-_LOGICAL: dict[np.ufunc, str] = {
-    np.logical_and: "&&",
-    np.bitwise_and: "&&",
-    np.logical_or: "||",
-    np.bitwise_or: "||",
-}
-# NumPy's fmin and fmax take the other one where one is not a number.
-_WITHOUT_NAN = "rdpi_is_nan({{0}}) ? {{1}} : (rdpi_is_nan({{1}}) ? {{0}} : rdpi_{}({{0}}, {{1}}))"
-_CALLS: dict[np.ufunc, str] = {
-    np.absolute: "rdpi_abs({})",
-    np.fabs: "rdpi_abs({})",
-    np.negative: "-{}",
-    np.positive: "{}",
-    np.square: "{0} * {0}",
-    np.minimum: "rdpi_min({}, {})",
-    np.maximum: "rdpi_max({}, {})",
-    np.fmin: _WITHOUT_NAN.format("min"),
-    np.fmax: _WITHOUT_NAN.format("max"),
-    np.copysign: "rdpi_copysign({}, {})",
-    np.sign: "({0} > RDPI_C(0.0)) ? RDPI_C(1.0) : (({0} < RDPI_C(0.0)) ? RDPI_C(-1.0) : {0})",
-}
-_TESTS: dict[np.ufunc, str] = {
-    np.isnan: "rdpi_is_nan({})",
-    np.isfinite: "rdpi_abs({}) < RDPI_INFINITY",
-}
-_EXACT_FUNCTIONS = {np.sqrt: "SQRT", np.floor: "FLOOR", np.ceil: "CEIL"}
-_FUNCTIONS = {
-    np.exp: "EXP",
-    np.expm1: "EXPM1",
-    np.log: "LOG",
-    np.log1p: "LOG1P",
-    np.sin: "SIN",
-    np.cos: "COS",
-    np.tanh: "TANH",
-}
-_AREA_SINE = (
-    "rdpi_copysign({log1p}(rdpi_abs({x}) + {x} * {x} / "
-    "(RDPI_C(1.0) + {root}(RDPI_C(1.0) + {x} * {x}))), {x})"
-)
+# Second operands that change nothing.
+_NEUTRAL = {np.subtract: "RDPI_C(0.0)", np.multiply: "RDPI_C(1.0)"}
+_POWERS: dict[float | None, str] = {1.0: "{0}", 2.0: "{0} * {0}", 0.5: "RDPI_SQRT({0})"}
 
 
 def apply_ufunc(
@@ -122,63 +124,35 @@ def _expression(
     ufunc: np.ufunc, inputs: Sequence[Any], recording: Recording
 ) -> tuple[Kind, Callable[..., str], bool]:
     """Return kind, text and whether flags become numbers first."""
-    flags = all(_kind(each) == "bool" for each in inputs)
-    if ufunc in _INFIX:
-        sign, kind = _INFIX[ufunc]
-        if flags and ufunc is np.multiply:
-            return "bool", lambda x, y: f"{x} && {y}", False
-        if flags and ufunc is np.add:
-            return "bool", lambda x, y: f"{x} || {y}", False
-        nothing = {"-": "RDPI_C(0.0)", "*": "RDPI_C(1.0)"}.get(sign)
-        return kind, lambda x, y: x if y == nothing else f"{x} {sign} {y}", True
-    if ufunc in _LOGICAL:
-        sign = _LOGICAL[ufunc]
-        if not flags:
-            raise InputError(f"{here()}: np.{ufunc.__name__} of numbers has no C, only of truths")
-        return "bool", lambda x, y: f"{x} {sign} {y}", False
-    if ufunc in (np.logical_not, np.invert) and flags:
-        return "bool", lambda x: f"!{x}", False
-    if ufunc in _TESTS:
-        return "bool", lambda *x: _TESTS[ufunc].format(*x), True
-    if ufunc in _CALLS:
-        return "real", lambda *x: _CALLS[ufunc].format(*x), True
-    if ufunc is np.divide:
-        number = None if isinstance(inputs[1], Traced) else np.asarray(inputs[1])
-        if number is not None and (number == number.flat[0]).all():
-            return "real", lambda x, y: f"RDPI_OVER({x}, {y})", True
-        return "real", lambda x, y: f"{x} / {y}", True
-    if ufunc in _EXACT_FUNCTIONS:
-        macro = recording.uses(_EXACT_FUNCTIONS[ufunc])
-        return "real", lambda x: f"{macro}({x})", True
+    if ufunc in _OF_FLAGS and all(_kind(each) == "bool" for each in inputs):
+        return "bool", _OF_FLAGS[ufunc].format, False
     if ufunc in (np.power, np.float_power):
-        return _power(inputs[1], recording)
-    if ufunc not in {*_FUNCTIONS, np.arctanh, np.arcsinh}:
-        raise InputError(f"{here()}: np.{ufunc.__name__} has no C")
-    recording.is_inexact(_OWN_FUNCTIONS.format(ufunc.__name__))
-    if ufunc in _FUNCTIONS:
-        macro = recording.uses(_FUNCTIONS[ufunc])
-        return "real", lambda x: f"{macro}({x})", True
-    log1p = recording.uses("LOG1P")
-    if ufunc is np.arctanh:
-        return "real", lambda x: f"RDPI_C(0.5) * ({log1p}({x}) - {log1p}(-{x}))", True
-    root = recording.uses("SQRT")
-    return "real", lambda x: _AREA_SINE.format(x=x, log1p=log1p, root=root), True
+        text = _POWERS.get(_only_number(inputs[1]), "RDPI_POW({}, {})")
+        return "real", _calling(text, "powers", recording), True
+    if ufunc not in _ELEMENTWISE:
+        only = " of numbers has no C, only of truths" if ufunc in _OF_FLAGS else " has no C"
+        raise InputError(f"{here()}: np.{ufunc.__name__}{only}")
+    if ufunc is np.divide and _only_number(inputs[1]) is not None:
+        return "real", "RDPI_OVER({}, {})".format, True
+    text, kind = _ELEMENTWISE[ufunc]
+    if ufunc in _NEUTRAL:
+        return kind, lambda x, y: x if y == _NEUTRAL[ufunc] else text.format(x, y), True
+    return kind, _calling(text, ufunc.__name__, recording), True
 
 
-def _power(exponent: Operand, recording: Recording) -> tuple[Kind, Callable[..., str], bool]:
-    number = (
-        None if isinstance(exponent, Traced) or np.size(exponent) != 1 else np.ravel(exponent)[0]
-    )
-    if number == 2.0:
-        return "real", lambda x, y: f"{x} * {x}", True
-    if number == 1.0:
-        return "real", lambda x, y: x, True
-    if number == 0.5:
-        root = recording.uses("SQRT")
-        return "real", lambda x, y: f"{root}({x})", True
-    recording.is_inexact(_OWN_FUNCTIONS.format("powers"))
-    macro = recording.uses("POW")
-    return "real", lambda x, y: f"{macro}({x}, {y})", True
+def _only_number(operand: Operand) -> float | None:
+    """Return the number that all elements of a constant are."""
+    array = None if isinstance(operand, Traced) else np.asarray(operand)
+    return array.flat[0] if array is not None and (array == array.flat[0]).all() else None
+
+
+def _calling(text: str, name: str, recording: Recording) -> Callable[..., str]:
+    """Return an expression, whose functions of the mathematics are noted."""
+    called = set(re.findall(r"RDPI_([A-Z0-9]+)\(", text)) - {"C"}
+    recording.mathematics |= called
+    if called - _EXACT:
+        recording.is_inexact(_OWN_FUNCTIONS.format(name))
+    return text.format
 
 
 def _kind(operand: Operand) -> Kind:
@@ -440,6 +414,10 @@ def _viewed(function: Callable[..., Any]) -> Callable[..., Traced]:
     return lambda a, *given, **options: a.view(function(a.places, *given, **options))
 
 
+def _viewed_by(method: str) -> Callable[..., Traced]:
+    return lambda a, *given: a.view(getattr(a.places, method)(*given))
+
+
 def _repeat(a: Traced, repeats: Any, axis: int | None = None) -> Traced:
     return copy_of(a.view(np.repeat(a.places, repeats, axis=axis)))
 
@@ -556,20 +534,13 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
     np.size: lambda a, axis=None: a.size if axis is None else a.shape[axis],
 }  # fmt: skip
 METHODS: dict[str, Callable[..., Any]] = {
-    "sum": _sum,
-    "cumsum": _cumsum,
-    "mean": _mean,
-    "any": _any,
-    "all": _all,
-    "max": _max,
-    "min": _min,
-    "clip": _clip,
-    "copy": copy_of,
-    "repeat": _repeat,
-    "dot": _matmul,
-    "squeeze": _viewed(np.squeeze),
     "fill": assign,
-}
+    **{
+        name: FUNCTIONS[getattr(np, name)]
+        for name in ("sum", "cumsum", "mean", "any", "all", "max", "min", "clip", "copy", "repeat", "dot")
+    },
+    **{name: _viewed_by(name) for name in ("ravel", "reshape", "squeeze", "transpose")},
+}  # fmt: skip
 NUMPY = Library(FUNCTIONS, METHODS, apply_ufunc)
 """NumPy's functions for :class:`~rdpi_gym.firmware.tracing.arrays.Recording`."""
 
@@ -604,10 +575,9 @@ def _linear(x: Traced, weight: Any, bias: Any = None) -> Traced:
 
 
 def _elu(x: Traced, alpha: float = 1.0, **_: Any) -> Traced:
-    below = x.recording.uses("EXPM1")
-    return compute(
-        "real", lambda v, a: f"({v} > RDPI_C(0.0)) ? {v} : ({a} * {below}({v}))", x, alpha
-    )
+    x.recording.mathematics.add("EXPM1")
+    text = "({0} > RDPI_C(0.0)) ? {0} : ({1} * RDPI_EXPM1({0}))"
+    return compute("real", text.format, x, alpha)
 
 
 # By their names: torch itself is imported only where a policy is.

@@ -15,7 +15,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.firmware.program import C_KEYWORDS, C_TYPES, Block, Kind, Known, Number, Value
+from rdpi_gym.firmware.program import C_KEYWORDS, C_TYPES, Block, Kind, Known, Number, Value, words
 from rdpi_gym.firmware.translation.arithmetic import (
     Arithmetic,
     Entry,
@@ -233,35 +233,9 @@ def _offset(first: int, moves: str) -> str:
     return moves if first == 0 else f"{first} + {moves}" if first > 0 else f"{moves} - {-first}"
 
 
-RESERVED = C_KEYWORDS | frozenset(
-    [
-        "abs",
-        "ceil",
-        "cos",
-        "exp",
-        "expm1",
-        "floor",
-        "fmod",
-        "gamma",
-        "isnan",
-        "j0",
-        "j1",
-        "jn",
-        "log",
-        "log1p",
-        "main",
-        "out",
-        "pow",
-        "round",
-        "signbit",
-        "sin",
-        "sqrt",
-        "tan",
-        "tanh",
-        "y0",
-        "y1",
-        "yn",
-    ]
+RESERVED = C_KEYWORDS | words(
+    "abs ceil cos exp expm1 floor fmod gamma isnan j0 j1 jn log log1p main out pow round signbit sin sqrt tan "
+    "tanh y0 y1 yn"
 )
 """Names that no variable of the text has."""
 

@@ -109,131 +109,108 @@ def model_description(
 ) -> bytes:
     """Return ``modelDescription.xml``."""
     third = fmi == "3.0"
-    identifier = model_identifier(program)
-    root = ElementTree.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": fmi,
-            "modelName": _text(_name(program), _LONGEST_NAME) or identifier,
-            "instantiationToken" if third else "guid": token,
-            "description": _text(_description(program), _LONGEST_DESCRIPTION),
-            "generationTool": tool,
-            "variableNamingConvention": "structured",
-            **({} if third else {"numberOfEventIndicators": "0"}),
-        },
-    )
-    state = "State" if third else "state"
-    interface = ElementTree.SubElement(
-        root,
-        "CoSimulation",
-        {
-            "modelIdentifier": identifier,
-            "canHandleVariableCommunicationStepSize": "false",
-            f"canGetAndSetFMU{state}": "true",
-            f"canSerializeFMU{state}": "true",
-            **({"fixedInternalStepSize": repr(float(program.ts_s))} if third else {}),
-            **({} if third else {"canNotUseMemoryManagementFunctions": "true"}),
-        },
-    )
-    if not third:
-        files = ElementTree.SubElement(interface, "SourceFiles")
-        for name in sources:
-            ElementTree.SubElement(files, "File", {"name": name})
-    units = ElementTree.SubElement(root, "UnitDefinitions")
-    for name, base in _UNITS.items():
-        ElementTree.SubElement(
-            ElementTree.SubElement(units, "Unit", {"name": name}), "BaseUnit", dict(base)
-        )
-    log = ElementTree.SubElement(root, "LogCategories")
-    ElementTree.SubElement(
-        log, "Category", {"name": "logStatusError", "description": "Why a call was refused"}
-    )
-    ElementTree.SubElement(
-        root,
-        "DefaultExperiment",
-        {
-            "startTime": "0.0",
-            "stopTime": repr(1000 * float(program.ts_s)),
-            "stepSize": repr(float(program.ts_s)),
-        },
-    )
+    identifier, ts_s = model_identifier(program), float(program.ts_s)
+    state = "FMUState" if third else "FMUstate"
     listed = variables(program)
-    described = ElementTree.SubElement(root, "ModelVariables")
-    for variable in listed:
-        (_described_3 if third else _described_2)(described, variable)
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs = [place for place, one in enumerate(listed, 1) if one.causality == "output"]
+    head = {
+        "fmiVersion": fmi,
+        "modelName": _text(_name(program), _LONGEST_NAME) or identifier,
+        "instantiationToken" if third else "guid": token,
+        "description": _text(_description(program), _LONGEST_DESCRIPTION),
+        "generationTool": tool,
+        "variableNamingConvention": "structured",
+        **({} if third else {"numberOfEventIndicators": "0"}),
+    }
+    interface = {
+        "modelIdentifier": identifier,
+        "canHandleVariableCommunicationStepSize": "false",
+        f"canGetAndSet{state}": "true",
+        f"canSerialize{state}": "true",
+        **({"fixedInternalStepSize": repr(ts_s)} if third
+           else {"canNotUseMemoryManagementFunctions": "true"}),
+    }  # fmt: skip
+    files = _element("SourceFiles", {}, [_element("File", {"name": each}) for each in sources])
+    units = [
+        _element("Unit", {"name": name}, [_element("BaseUnit", dict(base))])
+        for name, base in _UNITS.items()
+    ]
+    log = {"name": "logStatusError", "description": "Why a call was refused"}
+    experiment = {"startTime": "0.0", "stopTime": repr(1000 * ts_s), "stepSize": repr(ts_s)}
+    described = [_described(variable, third) for variable in listed]
     # an output is that of the last sample: none depends on what stands at its input now
+    outputs = [(k, one.reference) for k, one in enumerate(listed, 1) if one.causality == "output"]
     if third:
-        for kind in ("Output", "InitialUnknown"):
-            for place in outputs:
-                known = {"valueReference": str(listed[place - 1].reference), "dependencies": ""}
-                ElementTree.SubElement(structure, kind, known)
+        structure = [
+            _element(kind, {"valueReference": str(reference), "dependencies": ""})
+            for kind in ("Output", "InitialUnknown")
+            for _, reference in outputs
+        ]
     else:
-        for kind in ("Outputs", "InitialUnknowns"):
-            group = ElementTree.SubElement(structure, kind)
-            for place in outputs:
-                known = {"index": str(place), "dependencies": ""}
-                ElementTree.SubElement(group, "Unknown", known)
-    return _xml(root)
+        structure = [
+            _element(kind, {}, [
+                _element("Unknown", {"index": str(place), "dependencies": ""}) for place, _ in outputs
+            ])
+            for kind in ("Outputs", "InitialUnknowns")
+        ]  # fmt: skip
+    parts = [
+        _element("CoSimulation", interface, [] if third else [files]),
+        _element("UnitDefinitions", {}, units),
+        _element("LogCategories", {}, [_element("Category", log)]),
+        _element("DefaultExperiment", experiment),
+        _element("ModelVariables", {}, described),
+        _element("ModelStructure", {}, structure),
+    ]
+    return _xml(_element("fmiModelDescription", head, parts))
 
 
 def build_description(program: Program, sources: Sequence[str]) -> bytes:
     """Return ``sources/buildDescription.xml`` of FMI 3.0."""
-    root = ElementTree.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
-    configuration = ElementTree.SubElement(
-        root, "BuildConfiguration", {"modelIdentifier": model_identifier(program)}
-    )
-    group = ElementTree.SubElement(configuration, "SourceFileSet", {"language": "C99"})
-    for name in sources:
-        ElementTree.SubElement(group, "SourceFile", {"name": name})
-    return _xml(root)
+    files = [_element("SourceFile", {"name": name}) for name in sources]
+    group = _element("SourceFileSet", {"language": "C99"}, files)
+    identifier = {"modelIdentifier": model_identifier(program)}
+    configuration = _element("BuildConfiguration", identifier, [group])
+    return _xml(_element("fmiBuildDescription", {"fmiVersion": "3.0"}, [configuration]))
 
 
-def _described_2(parent: ElementTree.Element, variable: Variable) -> None:
-    common = ElementTree.SubElement(parent, "ScalarVariable", _common(variable))
-    values = _values(variable)
-    ElementTree.SubElement(common, "Real" if variable.unit else "Boolean", values)
+def _element(
+    tag: str, attributes: dict[str, str], children: Sequence[ElementTree.Element] = ()
+) -> ElementTree.Element:
+    element = ElementTree.Element(tag, attributes)
+    element.extend(children)
+    return element
 
 
-def _described_3(parent: ElementTree.Element, variable: Variable) -> None:
-    kind = "Float64" if variable.unit else "Boolean"
-    ElementTree.SubElement(parent, kind, _common(variable) | _values(variable))
+_NATURE: Mapping[Causality, dict[str, str]] = {
+    "independent": {"variability": "continuous"},
+    "local": {"variability": "constant", "initial": "exact"},
+    "input": {"variability": "discrete"},
+    "output": {"variability": "discrete", "initial": "calculated"},
+}
 
 
-def _common(variable: Variable) -> dict[str, str]:
-    nature = {
-        "independent": {"variability": "continuous"},
-        "local": {"variability": "constant", "initial": "exact"},
-        "input": {"variability": "discrete"},
-        "output": {"variability": "discrete", "initial": "calculated"},
-    }[variable.causality]
-    return {
+def _described(variable: Variable, third: bool) -> ElementTree.Element:
+    common = {
         "name": variable.name,
         "valueReference": str(variable.reference),
         "description": variable.description,
         "causality": variable.causality,
-        **nature,
+        **_NATURE[variable.causality],
     }
-
-
-def _values(variable: Variable) -> dict[str, str]:
-    found = {"unit": variable.unit} if variable.unit else {}
+    values = {"unit": variable.unit} if variable.unit else {}
     if variable.range is not None:
-        found |= {"min": repr(variable.range[0]), "max": repr(variable.range[1])}
+        values |= {"min": repr(variable.range[0]), "max": repr(variable.range[1])}
     if variable.start is not None:
-        found["start"] = repr(variable.start)
-    return found
+        values["start"] = repr(variable.start)
+    if third:
+        return _element("Float64" if variable.unit else "Boolean", common | values)
+    kind = _element("Real" if variable.unit else "Boolean", values)
+    return _element("ScalarVariable", common, [kind])
 
 
 def _description(program: Program) -> str:
-    what = (
-        "Piezo actuator with hysteresis"
-        if program.kind == "plant"
-        else "Controller of a piezo actuator with hysteresis"
-    )
+    what = "Piezo" if program.kind == "plant" else "Controller of a piezo"
     time = (
-        f"{what}, sampled every {program.ts_s:g} s. A communication step is a whole multiple of that; "
+        f"{what} actuator with hysteresis, sampled every {program.ts_s:g} s. A communication step is a whole multiple of that; "
         "inputs are held for it."
     )
     return " ".join([time, *program.notes])
@@ -353,19 +330,16 @@ def _refusal(returns: str, name: str, parameters: str, prefix: str) -> str:
     count = next((each for each in _COUNTS if f"size_t {each}" in parameters), "")
     why = next((text for key, text in _REFUSED.items() if re.search(key, name)), "")
     if returns.endswith("Instance"):
-        used = {"logMessage", "instanceEnvironment"}
         others.insert(0, handle)
         body = f'report(logMessage, instanceEnvironment, __func__, "{_CO_SIMULATION}");\n    return NULL;'
     elif name.endswith("Status"):
-        used = set()
         body = f"return {handle} != NULL ? {prefix}Discard : {prefix}Error;"
     elif count and not why:
-        used = {count}
         body = f"return none_of((const instance_t *){handle}, {count}, __func__);"
     else:
-        used = set()
         body = f'return refuse((const instance_t *){handle}, __func__, "{why or _CO_SIMULATION}");'
-    unread = "".join(f"    (void){each};\n" for each in others if each not in used)
+    read = set(re.findall(r"\w+", body))
+    unread = "".join(f"    (void){each};\n" for each in others if each not in read)
     return f"{returns} {name}({parameters})\n{{\n{unread}    {body}\n}}\n"
 
 
@@ -394,18 +368,10 @@ def _compiled(texts: Mapping[str, str], units: Sequence[str], suffix: str) -> by
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="utf-8", newline="\n")
         library = f"model{suffix}"
-        own = {
-            ".so": [
-                "-fPIC",
-                "-Wl,-z,defs",
-            ],  # a name that nothing defines is an error here, not later
-            ".dylib": ["-fPIC"],
-            ".dll": ["-static-libgcc"],  # the compiler's own library is on no other machine
-        }[suffix]
-        done = run(
-            [*words, *STRICT, *own, "-fvisibility=hidden", "-shared", *units, "-o", library, "-lm"],
-            folder,
-        )
+        # a name that nothing defines is an error here; the compiler's own library is on no other machine
+        own = {".so": ("-fPIC", "-Wl,-z,defs"), ".dylib": ("-fPIC",), ".dll": ("-static-libgcc",)}
+        words += [*STRICT, *own[suffix], "-fvisibility=hidden", "-shared"]
+        done = run([*words, *units, "-o", library, "-lm"], folder)
         if done.returncode:
             lines = [x for x in done.stderr.splitlines() if "error" in x or "undefined" in x]
             reason = lines[0].strip() if lines else f"exit status {done.returncode}"
@@ -419,9 +385,7 @@ def _archive(files: Mapping[str, bytes]) -> bytes:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name, _EARLIEST)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = (
-                3  # of Unix, whose rights are the next line's, wherever it is written
-            )
+            entry.create_system = 3  # Unix, whose rights follow, wherever it is written
             entry.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
             archive.writestr(entry, content)
     return stream.getvalue()

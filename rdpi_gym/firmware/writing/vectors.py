@@ -19,15 +19,10 @@ _PIECE = 400  # samples
 
 @dataclass(frozen=True)
 class Vectors:
-    """Inputs, and what Python answers.
+    """Inputs by name, and the commands (V) or displacements (µm) of Python, float64[T, B].
 
-    Parameters
-    ----------
-    inputs
-        By name: ``reference_um``, float64[T + preview, B], and ``measured_um``, float64[T, B], of a
-        controller; ``command_V``, float64[T, B], of a plant.
-    expected
-        Commands (V) or displacements (µm), float64[T, B].
+    A controller has ``reference_um``, float64[T + preview, B], and ``measured_um``, float64[T, B]; a plant
+    ``command_V``, float64[T, B].
     """
 
     inputs: Mapping[str, Array]
@@ -188,13 +183,8 @@ class Roundings:
     A loop outside its stability limit, and what estimates online, make much of every rounding; no two
     ways of computing agree there, and none is nearer to the truth.
 
-    Parameters
-    ----------
-    fine, coarse
-        In strokes or ranges of the command over the relative difference of the inputs: of the last bit
-        in double, and in single where Python itself has numbers of single precision, else 0.
-    single
-        Whether it has.
+    `fine` and `coarse` are in strokes or ranges of the command over the relative difference of the inputs:
+    of the last bit in double, and in single where Python itself has numbers of single precision, else 0.
 
     Examples
     --------
