@@ -127,24 +127,6 @@ def learning_filter(error: Array, ahead: float, pole: float, smooth: float, lear
             learned[t, b] = mean + pole * (learned[t + 1, b] - mean)
 
 
-def invert_ahead(
-    belief: PlantModel,
-    ts_s: float,
-    limits: Limits,
-    reference_um: Array,
-    starts_V: Sequence[Array],
-    enough_um: float,
-) -> Array:
-    """Return the commands that bring a model at rest along a reference, as well as was found."""
-    best = np.full(reference_um.shape[1], np.inf)
-    command = np.empty_like(reference_um)
-    for start in starts_V:
-        found, rms = _learn(belief, ts_s, limits, reference_um, start, enough_um)
-        better = rms < best
-        command[:, better], best[better] = found[:, better], rms[better]
-    return command
-
-
 def _learn(
     belief: PlantModel,
     ts_s: float,
@@ -205,6 +187,10 @@ _STARTS: tuple[type[Feedforward], ...] = (
 )
 
 
+NO_PLAN = "there is no plan; call plan(reference_um) with the whole reference, (samples, lanes), before an episode"
+"""Refusal of an episode that nobody planned for."""
+
+
 class Planned(Baseline):
     """Plays back commands that were found for the whole reference before the episode."""
 
@@ -248,9 +234,7 @@ class Planned(Baseline):
     def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
         """Play u(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         if self._plan is None:
-            raise InputError(
-                "there is no plan; call plan(reference_um) with the whole reference, (samples, lanes), before an episode"
-            )
+            raise InputError(NO_PLAN)
         samples, planned = self._plan.shape
         lanes = state.shape[1]
         if planned not in (1, lanes):
@@ -347,14 +331,14 @@ class FullPreviewInversion(Planned):
 def _inverted(
     model: PlantModel, layout: ObservationLayout, limits: Limits, reference_um: Array
 ) -> Array:
-    return invert_ahead(
-        model,
-        layout.ts_s,
-        limits,
-        reference_um,
-        _starting_commands(model, layout, limits, reference_um),
-        _ENOUGH * layout.scale_um,
-    )
+    """Return the commands that bring a model at rest along a reference, as well as was found."""
+    best = np.full(reference_um.shape[1], np.inf)
+    command, enough_um = np.empty_like(reference_um), _ENOUGH * layout.scale_um
+    for start in _starting_commands(model, layout, limits, reference_um):
+        found, rms = _learn(model, layout.ts_s, limits, reference_um, start, enough_um)
+        better = rms < best
+        command[:, better], best[better] = found[:, better], rms[better]
+    return command
 
 
 def _starting_commands(

@@ -21,7 +21,7 @@ from baselines.feedforward import checked_reference
 from baselines.inverses.linear import preview_weights
 from baselines.loops import belief_path
 from baselines.model_predictive import MODE_FACTORS, with_mode_at
-from baselines.preview import Planned
+from baselines.preview import NO_PLAN, Planned
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -118,9 +118,7 @@ class Repetitive(Tunable):
         """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
         lanes = len(reference_um)
         if self._first is None:
-            raise InputError(
-                "there is no plan; call plan(reference_um) with the whole reference, (samples, lanes), before an episode"
-            )
+            raise InputError(NO_PLAN)
         state = np.zeros((self.rows.total, lanes))
         self.rows.of(state, "inverse")[:] = self._inverse.start(reference_um)
         return state

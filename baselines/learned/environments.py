@@ -56,13 +56,11 @@ SEED = 2**33
 class Evaluation:
     """Means over the held-out plants."""
 
-    reward: float
-    # Of a sample.
+    reward: float  # of a sample
     rmse_um: float
     rmse_percent: float
     # Root mean square tracking error of a plant (µm, percent of its reference's peak to peak).
-    command_variation_V_s: float
-    # Total variation of the command (V/s).
+    command_variation_V_s: float  # total variation of the command (V/s)
 
 
 class HeldOut:

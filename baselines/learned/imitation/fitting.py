@@ -215,8 +215,7 @@ class Learner:
 
     arrays: Mapping[str, Float32]
     # As :class:`~baselines.learned.imitation.student.Student` has them; a copy is learned.
-    weighted: int
-    # As there.
+    weighted: int  # as there
 
     def __post_init__(self) -> None:
         tensors = {name: torch.tensor(each) for name, each in self.arrays.items()}

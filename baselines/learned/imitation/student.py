@@ -59,10 +59,8 @@ class Student:
     newest corrections are seen by the unit alone, or a fit could make an oscillator of them.
     """
 
-    arrays: Mapping[str, Float32]
-    # By the names of :data:`ARRAYS`, float32.
-    weighted: int
-    # The first of the inputs, which are weighted too.
+    arrays: Mapping[str, Float32]  # by the names of :data:`ARRAYS`, float32
+    weighted: int  # the first of the inputs, which are weighted too
 
     def __post_init__(self) -> None:
         found = self.arrays
@@ -170,16 +168,12 @@ KNOWN = WEIGHTED + len(SLOW_S)
 class DecisionSample(NamedTuple):
     """One decision of a student, and what the estimate beside it was."""
 
-    seen: Array
-    # ``(inputs, B)``.
+    seen: Array  # ``(inputs, B)``
     error_um: Array
-    correction_um: Array
-    # Measured error, and what the student answered (µm), ``(B,)``.
-    wanted_um: Array
-    # w, all that the belief's inverse is given (µm), ``(B,)``.
+    correction_um: Array  # measured error, and what the student answered (µm), ``(B,)``
+    wanted_um: Array  # w, all that the belief's inverse is given (µm), ``(B,)``
     theta: Array
-    answered: Array
-    # The estimate, and the φ of the reference that it multiplies, ``(F, B)``.
+    answered: Array  # the estimate, and the φ of the reference that it multiplies, ``(F, B)``
     phi: Array
     left_um: Array
     # φ of what was measured, which it learned from last, ``(F, B)``, and z - θ·φ (µm), ``(B,)``.
