@@ -42,7 +42,7 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
-from rdpi_gym.virtual_lab.dataset import CoreDeformation
+from rdpi_gym.virtual_lab.dataset import core_deformation
 from studies.kind_choice import draw_core
 from studies.runner import Files, Study, study_rows
 
@@ -135,7 +135,7 @@ def _displacements(core: Core, drives: dict[str, Array], hidden: Mechanism | Non
         step_s = _TS_S / _PARTS
         at = Grid(begins + step_s * np.arange(u.size, dtype=np.float64), step_s)
         x = _passed(hidden, u, at) if hidden is not None and hidden.form.place < CORE else u
-        x = CoreDeformation(core, step_s, _PARTS)(x)
+        x = core_deformation(core, step_s, _PARTS)(x)
         x = _passed(hidden, x, at) if hidden is not None and hidden.form.place > CORE else x
         found.append(x[::_PARTS])
     return found

@@ -12,18 +12,14 @@ from baselines.inverses.base import Inverse, Setting, inverse_of, turns, without
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.effects import Effect
-from rdpi_gym.plant.effects.congruency import (
-    congruency_block,
-    congruency_centred_block,
-    congruency_polynomial_block,
-)
+from rdpi_gym.plant.effects.congruency import congruency_block, congruency_polynomial_block
 from rdpi_gym.support.arrays import Array
 
 # Halvings of the command range: to a billionth of a millionth of it.
 _HALVINGS = 50
 
 
-UNDONE = (congruency_block, congruency_centred_block, congruency_polynomial_block)
+UNDONE = (congruency_block, congruency_polynomial_block)
 """Kernels of the forms of congruency that are undone together with the plays."""
 
 
@@ -31,10 +27,8 @@ def growth(effect: Effect, ts_s: float, model: RDPI) -> Array:
     """Return g_k (1/V^k) of y = a_0 u + (Σ g_k u^k) Σ a_i ξ_i, k = 0, 1, ..."""
     _, first, *others = effect.coefficients(ts_s, model)
     if type(effect).block is congruency_block:
-        return np.array([1.0, 0.0, first])
-    if type(effect).block is congruency_centred_block:
         (middle,) = others
-        return np.array([1.0 + first * middle**2, -2.0 * first * middle, first])
+        return np.array([1.0 + first * middle**2, 0.0 - 2.0 * first * middle, first])
     return np.array([1.0, *(c * first**k for k, c in enumerate(others, start=1))])
 
 

@@ -9,8 +9,7 @@ from baselines.inverses.base import Inverse, Setting
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import forms_of
-from rdpi_gym.plant.effects.unknown import OfTheRate, Static, Unknown
-from rdpi_gym.plant.effects.unknown_places import Block
+from rdpi_gym.plant.effects.unknown import Block, OfTheRate, Static, Unknown
 from rdpi_gym.support.arrays import Array
 
 # Corrections: each takes the error down by the largest slope of what the block adds, 0.02 to 0.3. Where

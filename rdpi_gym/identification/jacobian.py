@@ -40,18 +40,10 @@ _CHUNK = 1024
 
 @dataclass(frozen=True)
 class Variant(Generic[AnyCore]):
-    """One lane: the plant with one number changed.
-
-    Parameters
-    ----------
-    hysteresis
-        The hysteresis core.
-    effects
-        In the chain's order.
-    """
+    """One lane: the plant with one number changed."""
 
     hysteresis: AnyCore
-    effects: tuple[Effect, ...]
+    effects: tuple[Effect, ...]  # In the chain's order
 
 
 def _links(

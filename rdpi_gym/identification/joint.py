@@ -45,20 +45,12 @@ MOST_SAMPLES = 200_000
 
 @dataclass(frozen=True)
 class Free:
-    """A number that the search moves: of the core's shape (effect is None) or of an effect.
+    """A number that the search moves: of the core's shape (effect is None) or of an effect."""
 
-    Parameters
-    ----------
-    effect
-        Place in the list of effects; None for the core.
-    parameter
-        Its bounds; one whose lower bound is above zero is searched in its logarithm.
-    size
-        Its size, of which a small share is the finite difference; not read for a logarithm.
-    """
-
-    effect: int | None
+    effect: int | None  # Place in the list of effects; None for the core
+    # Its bounds; one whose lower bound is above zero is searched in its logarithm
     parameter: Parameter
+    # Its size, of which a small share is the finite difference; not read for a logarithm
     size: float
 
     @property
@@ -129,36 +121,19 @@ class Free:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Result of a joint refit.
+    """Result of a joint refit."""
 
-    Parameters
-    ----------
-    variant
-        Hysteresis and effects.
-    train_rmse_um
-        Over the counted samples of the records, offsets free (µm).
-    at_bound
-        Names of effects' parameters that ended at a physical bound, as ``effect.parameter``.
-    standard_errors
-        Of the effects' parameters, by the same names, for white residuals; None where the data do
-        not fix a parameter.
-    passes
-        Runs over the records.
-    converged
-        Whether the search ended by itself.
-    smoothness
-        That was asked of the weights.
-    shape_errors
-        Standard errors of the numbers of the core's shape, by name, as those of effects.
-    """
-
-    variant: Variant[Core]
-    train_rmse_um: float
+    variant: Variant[Core]  # Hysteresis and effects
+    train_rmse_um: float  # Over the counted samples of the records, offsets free (µm)
+    # Names of effects' parameters that ended at a physical bound, as ``effect.parameter``
     at_bound: tuple[str, ...]
+    # Of the effects' parameters, by the same names, for white residuals; None where the data do
+    # not fix a parameter
     standard_errors: Mapping[str, float | None]
-    passes: int
-    converged: bool
-    smoothness: float = 0.0
+    passes: int  # Runs over the records
+    converged: bool  # Whether the search ended by itself
+    smoothness: float = 0.0  # That was asked of the weights
+    # Standard errors of the numbers of the core's shape, by name, as those of effects
     shape_errors: Mapping[str, float | None] = field(default_factory=dict)
 
 
@@ -462,24 +437,15 @@ dropped. InputError and LinAlgError are among them; any other error is a fault o
 
 @dataclass(frozen=True)
 class FirstSteps:
-    """Result of a few steps of a refit.
+    """Result of a few steps of a refit."""
 
-    Parameters
-    ----------
-    variant
-        Hysteresis and effects.
-    train_rmse_um
-        Over the samples that entered the squares, offsets free (µm).
-    columns : sequence of float64[T', n + 1]
-        Derivatives by the weights, by record, of a place near by.
-    left_um : sequence of float64[T']
-        What the model leaves of the displacement at the same samples (µm), without offset.
-    """
-
-    variant: Variant[Core]
-    train_rmse_um: float
+    variant: Variant[Core]  # Hysteresis and effects
+    train_rmse_um: float  # Over the samples that entered the squares, offsets free (µm)
+    # Derivatives by the weights, by record, of a place near by
     columns: Sequence[Array]
     squares: Sequence[Array]
+    # What the model leaves of the displacement at the same samples (µm),
+    # without offset
     left_um: Sequence[Array]
 
 

@@ -56,21 +56,13 @@ _SAME_DISPLACEMENT, _SAME_ERRORS = 1e-3, 2.0
 
 @dataclass(frozen=True)
 class KindFit:
-    """A kind of hysteresis refitted to records, and what it leaves of records held out.
-
-    Parameters
-    ----------
-    fit
-        The refit.
-    pieces : float64[R, PIECES]
-        Mean squares (µm²) of what it leaves of the pieces of each record.
-    white_um2 : float64[R]
-        Mean square (µm²) of what changes from one sample to the next in that: of white noise all
-        of it, of what a model misses little.
-    """
+    """A kind of hysteresis refitted to records, and what it leaves of records held out."""
 
     fit: JointFit
+    # float64[R, PIECES]: Mean squares (µm²) of what it leaves of the pieces of each record
     pieces: Array
+    # float64[R]: Mean square (µm²) of what changes from one sample to the next in that: of white
+    # noise all of it, of what a model misses little
     white_um2: Array
 
     @property
@@ -94,25 +86,15 @@ def held_out_fit(fit: JointFit, held_out: Sequence[Record]) -> KindFit:
 
 @dataclass(frozen=True)
 class KindComparison:
-    """Comparison of kinds by their held-out errors.
+    """Comparison of kinds by their held-out errors."""
 
-    Parameters
-    ----------
-    chosen
-        Of the kinds that are no worse than the best, that of the fewest numbers.
-    alike
-        Names of the others that the records do not tell from the best, and of kinds that are one
-        model with the chosen one.
-    same
-        The latter.
-    confidence
-        Share of draws of held-out pieces in which the best one beats every kind that is told from
-        it; None where there is none.
-    """
-
-    chosen: KindFit
+    chosen: KindFit  # Of the kinds that are no worse than the best, that of the fewest numbers
+    # Names of the others that the records do not tell from the best, and of kinds that are one
+    # model with the chosen one
     alike: tuple[str, ...]
-    same: tuple[str, ...]
+    same: tuple[str, ...]  # The latter
+    # Share of draws of held-out pieces in which the best one beats every kind that is told from
+    # it; None where there is none
     confidence: float | None
 
 

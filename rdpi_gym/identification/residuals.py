@@ -17,27 +17,13 @@ from rdpi_gym.support.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class RecordResidual:
-    """Residual of a model on a record, with one free offset.
-
-    Parameters
-    ----------
-    record
-        The record.
-    simulated_um
-        Displacement of the model (µm), its own offset included, ``(T,)``.
-    offset_um
-        What was added to it (µm): the mean difference over the samples that count.
-    error_um
-        measured - simulated - offset (µm) at every sample, ``(T,)``.
-    rmse_um
-        Its root mean square (µm) over the samples that count.
-    """
+    """Residual of a model on a record, with one free offset."""
 
     record: Record
-    simulated_um: Array
-    offset_um: float
-    error_um: Array
-    rmse_um: float
+    simulated_um: Array  # Displacement of the model (µm), its own offset included, ``(T,)``
+    offset_um: float  # What was added to it (µm): the mean difference over the samples that count
+    error_um: Array  # measured - simulated - offset (µm) at every sample, ``(T,)``
+    rmse_um: float  # Its root mean square (µm) over the samples that count
 
     @property
     def counted(self) -> int:

@@ -59,42 +59,22 @@ def _fastest_V_s(records: Sequence[Record]) -> float:
 
 
 class Bounds(NamedTuple):
-    """Bounds of the search.
+    """Bounds of the search."""
 
-    Parameters
-    ----------
-    delta1_V : tuple of float
-        Smallest and largest δ1 (V).
-    delta2_s : tuple of float
-        Smallest and largest δ2 (s).
-    a0 : float
-        Smallest a_0 (µm/V).
-    motion : float
-        A play whose output moves (rms) less than this part of its command in every record is held
-        at weight 0.
-    reach_V : float
-        Largest |memory extremum| (V).
-    """
-
-    delta1_V: tuple[float, float]
-    delta2_s: tuple[float, float]
-    a0: float
+    delta1_V: tuple[float, float]  # Smallest and largest δ1 (V)
+    delta2_s: tuple[float, float]  # Smallest and largest δ2 (s)
+    a0: float  # Smallest a_0 (µm/V)
+    # A play whose output moves (rms) less than this part of its command in every record is
+    # held at weight 0
     motion: float
-    reach_V: float
+    reach_V: float  # Largest |memory extremum| (V)
 
 
 class Scales(NamedTuple):
-    """Sizes of a data set.
+    """Sizes of a data set."""
 
-    Parameters
-    ----------
-    excursion_V : float
-        Half the largest range (V) of a record's command.
-    slowest_V_s, fastest_V_s : float
-        Smallest and largest rms rate (V/s) of a record.
-    """
-
-    excursion_V: float
+    excursion_V: float  # Half the largest range (V) of a record's command
+    # Smallest and largest rms rate (V/s) of a record
     slowest_V_s: float
     fastest_V_s: float
 
@@ -141,22 +121,14 @@ _ALIKE = 1.5
 class RateSpread:
     """Spread of the rates of a data set.
 
-    Parameters
-    ----------
-    slowest_V_s, fastest_V_s
-        Smallest and largest peak rate (V/s) of a movement between two turning points.
-    rate_factor
-        Largest over smallest rate of a sample while the command moves.
-    pace_factor
-        Largest over smallest pace of a movement: its peak rate by its size.
-
     In all of them a tenth of each record's values is left out at either end.
     """
 
+    # Smallest and largest peak rate (V/s) of a movement between two turning points
     slowest_V_s: float
     fastest_V_s: float
-    rate_factor: float
-    pace_factor: float
+    rate_factor: float  # Largest over smallest rate of a sample while the command moves
+    pace_factor: float  # Largest over smallest pace of a movement: its peak rate by its size
 
     @property
     def alike(self) -> bool:

@@ -22,27 +22,15 @@ from rdpi_gym.support.progress import Progress
 
 
 class Point(NamedTuple):
-    """A place of the search.
+    """A place of the search."""
 
-    Parameters
-    ----------
-    theta : float64[2 + R]
-        δ1 (V), δ2 (s), memory extremum of each record (V).
-    weights : float64[n + 1]
-        Best a_0 ... a_n (µm/V) there.
-    passive : bool[n + 1]
-        Weights off their bounds.
-    cost : float
-        Sum of squared errors (µm²).
-    tangents, means : float64[R, n + 5, n + 5], float64[R, n + 5]
-        From :func:`~rdpi_gym.identification.least_squares.tangent_matrices`, at the weights that were
-        expected before these were known.
-    """
-
-    theta: Array
-    weights: Array
-    passive: BoolArray
-    cost: float
+    theta: Array  # float64[2 + R]: δ1 (V), δ2 (s), memory extremum of each record (V)
+    weights: Array  # float64[n + 1]: Best a_0 ... a_n (µm/V) there.
+    passive: BoolArray  # bool[n + 1]: Weights off their bounds
+    cost: float  # Sum of squared errors (µm²)
+    # float64[R, n + 5, n + 5], float64[R, n + 5]: From
+    # :func:`~rdpi_gym.identification.least_squares.tangent_matrices`, at the weights that were
+    # expected before these were known
     tangents: Array
     means: Array
 

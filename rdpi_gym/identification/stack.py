@@ -21,27 +21,16 @@ _THINNING = 0.2
 
 
 class Stack(NamedTuple):
-    """Samples of several records, concatenated.
+    """Samples of several records, concatenated."""
 
-    Parameters
-    ----------
-    u_V : float64[T]
-        Command (V).
-    rate_V_s : float64[T]
-        Its rate (V/s), Eq. 5, low-passed where the model's rate is band-limited.
-    y_um : float64[T]
-        Displacement (µm), each record less its mean.
-    root_weight : float64[T]
-        Square root of the number of samples that a sample stands for; 0: simulated, not counted.
-    edges : int64[R + 1]
-        Record r is samples edges[r] to edges[r + 1] - 1.
-    """
-
-    u_V: Array
+    u_V: Array  # float64[T]: Command (V)
+    # float64[T]: Its rate (V/s), Eq. 5, low-passed where the model's rate is band-limited.
     rate_V_s: Array
-    y_um: Array
+    y_um: Array  # float64[T]: Displacement (µm), each record less its mean
+    # float64[T]: Square root of the number of samples that a sample stands for; 0: simulated, not
+    # counted
     root_weight: Array
-    edges: NDArray[np.int64]
+    edges: NDArray[np.int64]  # int64[R + 1]: Record r is samples edges[r] to edges[r + 1] - 1
 
     def record(self, r: int) -> slice:
         """Samples of record `r`."""

@@ -61,21 +61,11 @@ def _positive_pairs(centred: Array, lags: int) -> tuple[float, bool]:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Standard errors, infinite where the data say nothing.
+    """Standard errors, infinite where the data say nothing."""
 
-    Parameters
-    ----------
-    theta : float64[2 + R]
-        Of δ1 (V), δ2 (s) and each record's memory extremum (V).
-    weights : float64[n + 1]
-        Of a_0 ... a_n (µm/V).
-    offsets : float64[R]
-        Of each record's offset (µm).
-    """
-
-    theta: Array
-    weights: Array
-    offsets: Array
+    theta: Array  # float64[2 + R]: Of δ1 (V), δ2 (s) and each record's memory extremum (V)
+    weights: Array  # float64[n + 1]: Of a_0 ... a_n (µm/V).
+    offsets: Array  # float64[R]: Of each record's offset (µm)
 
 
 def standard_errors(

@@ -136,7 +136,7 @@ class _Part:
             sampling_said=(
                 "--sampling-time"
                 if options.sampling_time_s is not None
-                else f"{self.toml.name}, [records.{stem}] ts_s,"
+                else f"{self.toml.name}, records.{stem}.ts_s"
             ),
             skip_s=said if options.skip_s is None else options.skip_s,
             note=own.note,
@@ -151,7 +151,7 @@ class _Part:
                     "left out of the error, still simulated: the first period",
                 ),
             )
-        return mask_out(record, own.mask_s, f"{self.toml}, [records.{stem}] mask_s")
+        return mask_out(record, own.mask_s, f"{self.toml}: records.{stem}.mask_s")
 
     def _remarks(self, table: Table, options: DataOptions) -> list[str]:
         said = self._stated_units(table, options)
@@ -238,7 +238,7 @@ def _read(
         return [read_text(file, columns, time_needed=time_needed, separator=separator)]
     if separator:
         raise InputError(
-            f"{file.with_name(SETTINGS_FILE)}, [records.{file.stem}]: separator = {separator!r}; "
+            f"{file.with_name(SETTINGS_FILE)}: records.{file.stem}.separator is {separator!r}; "
             f"leave it out, {file.name} is no text"
         )
     if ending == ".mat":

@@ -35,17 +35,11 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 
 @dataclass(frozen=True)
 class Variables:
-    """Variables read from a file.
+    """Variables read from a file."""
 
-    Parameters
-    ----------
-    names
-        Of all variables of the file, or of all fields of the struct that holds them.
-    values
-        Those that were asked for and are there; None: it holds no real numbers.
-    """
-
+    # Of all variables of the file, or of all fields of the struct that holds them
     names: Sequence[str]
+    # Those that were asked for and are there; None: it holds no real numbers
     values: Mapping[str, NDArray[Any] | None]
 
 

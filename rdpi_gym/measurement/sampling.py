@@ -99,30 +99,15 @@ _NEARLY = 0.9  # of an interpolated sample is made of samples that count
 
 @dataclass(frozen=True)
 class Grid:
-    """A record on uniform times.
+    """A record on uniform times."""
 
-    Parameters
-    ----------
-    t_s
-        Times (s), (M,).
-    ts_s
-        Sampling time (s).
-    columns
-        The other columns, each (M,).
-    measured
-        (M,) bool; False where a sample was lost, or more of them: its values are only interpolated.
-    remarks
-        What was done.
-    jitter_s
-        As of the record.
-    """
-
-    t_s: Array
-    ts_s: float
-    columns: Mapping[str, Array]
+    t_s: Array  # Times (s), (M,)
+    ts_s: float  # Sampling time (s)
+    columns: Mapping[str, Array]  # The other columns, each (M,)
+    # (M,) bool; False where a sample was lost, or more of them: its values are only interpolated
     measured: BoolArray
-    remarks: tuple[str, ...]
-    jitter_s: float = 0.0
+    remarks: tuple[str, ...]  # What was done
+    jitter_s: float = 0.0  # As of the record
 
 
 def rounding(t_s: Array) -> float:

@@ -29,37 +29,19 @@ _MEANING = {
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of one file in the file's own units, by our names, all of one length.
-
-    Parameters
-    ----------
-    source
-        The file.
-    columns
-        Values by our name (`rdpi_gym.measurement.COLUMNS`), each (N,).
-    labels
-        What the file calls each column, as an error line should say it.
-    lines
-        (N,) line number of each row, counted from 1; None for a file without lines.
-    remarks
-        What a reader noticed, one sentence each.
-    names, units
-        What the header calls a column beside its unit, and that unit, where it carries one.
-    name
-        Of the record, where it is not that of the file.
-    settles
-        Whether the first of its periods is there for a model to settle in.
-    """
+    """Columns of one file in the file's own units, by our names, all of one length."""
 
     source: Path
-    columns: Mapping[str, Array]
-    labels: Mapping[str, str]
+    columns: Mapping[str, Array]  # Values by our name (`rdpi_gym.measurement.COLUMNS`), each (N,)
+    labels: Mapping[str, str]  # What the file calls each column, as an error line should say it
+    # (N,) line number of each row, counted from 1; None for a file without lines
     lines: NDArray[np.int64] | None = None
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # What a reader noticed, one sentence each
+    # What the header calls a column beside its unit, and that unit, where it carries one
     names: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""
-    settles: bool = False
+    name: str = ""  # Of the record, where it is not that of the file
+    settles: bool = False  # Whether the first of its periods is there for a model to settle in
 
     @property
     def rows(self) -> int:

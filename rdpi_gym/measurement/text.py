@@ -80,24 +80,12 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Layout:
-    """Separator, decimal mark and header of a text file.
+    """Separator, decimal mark and header of a text file."""
 
-    Parameters
-    ----------
-    delimiter
-        What stands between two values; None for blanks.
-    header
-        Names of the columns, empty without a header.
-    header_line
-        Line of the header, counted from 1.
-    width
-        Values in the first line of values.
-    """
-
-    delimiter: str | None
-    header: tuple[str, ...]
-    header_line: int
-    width: int
+    delimiter: str | None  # What stands between two values; None for blanks
+    header: tuple[str, ...]  # Names of the columns, empty without a header
+    header_line: int  # Line of the header, counted from 1
+    width: int  # Values in the first line of values
 
     @property
     def is_shifted(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -17,7 +18,7 @@ import numpy as np
 
 from rdpi_gym.support.checks import described
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import quoted, some
+from rdpi_gym.support.words import guess, quoted, some
 
 T = TypeVar("T")
 _LARGEST = 1e308  # a number of a document: neither infinite nor a whole one of 400 digits
@@ -25,24 +26,14 @@ _LARGEST = 1e308  # a number of a document: neither infinite nor a whole one of 
 
 @dataclass(frozen=True)
 class Stored:
-    """Form of a field in a document, where the annotation alone does not state it.
+    """Form of a field in a document, where the annotation alone does not state it."""
 
-    Parameters
-    ----------
-    key
-        Its key; the name of the field by default.
-    null
-        Number that a JSON null stands for; a number that is not finite is written as null then.
-    inline
-        Whether the fields of its dataclass stand beside those of the one that has it.
-    omitted
-        Whether it is neither written nor read, and has its default.
-    """
-
-    key: str = ""
+    key: str = ""  # Its key; the name of the field by default
+    # Number that a JSON null stands for; a number that is not finite is written as null then
     null: float | None = None
+    # Whether the fields of its dataclass stand beside those of the one that has it
     inline: bool = False
-    omitted: bool = False
+    omitted: bool = False  # Whether it is neither written nor read, and has its default
 
 
 def stored(key: str = "", **form: Any) -> Mapping[str, Stored]:
@@ -135,11 +126,12 @@ class Documents:
         values = dict(given or {})
         known = self._fields(kind)
         if self.strict:
-            keys = [form.key or name for name, _, form, _ in known]
+            keys = [form.key or name for name, _, form, _ in known if not form.omitted]
             for key in document:
                 if key not in keys:
+                    meant = f" ({hint})" if (hint := guess(key, keys)) else ""
                     raise InputError(
-                        f"{source} has the unknown key {quoted(key)}; known are {some(keys)}"
+                        f"{source}: {quoted(key)} is unknown{meant}; known are {some(keys, 24)}"
                     )
         for name, hint, form, has_default in known:
             key = form.key or name
@@ -176,11 +168,16 @@ class Documents:
             return self.read(type(document), document, source)
         others = [part for part in parts if part is not type(None)]
         for part in others[:-1]:
-            try:
+            with suppress(InputError):
                 return self.read(part, document, source)
-            except InputError:
-                continue
-        return self.read(others[-1], document, source)
+        try:
+            return self.read(others[-1], document, source)
+        except InputError:
+            expected = [_expected(part) for part in others]
+            inside = isinstance(document, Mapping | list) and {"an object", "a list"} & {*expected}
+            if len(others) == 1 or inside:
+                raise
+            raise _refusal(document, " or ".join(expected), source) from None
 
     def _read_sequence(
         self, kind: type, parts: tuple[Any, ...], document: Any, source: str
@@ -254,7 +251,11 @@ def _fields_of(kind: type) -> Sequence[tuple[str, Any, Stored, bool]]:
 
 def _check(fits: bool, value: Any, expected: str, source: str) -> None:
     if not fits:
-        raise InputError(f"{source} is {quoted(value)}; expected {expected}")
+        raise _refusal(value, expected, source)
+
+
+def _refusal(value: Any, expected: str, source: str) -> InputError:
+    return InputError(f"{source} is {quoted(value)}; expected {expected}")
 
 
 def _expected(hint: Any) -> str:

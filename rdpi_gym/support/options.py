@@ -24,23 +24,12 @@ _KEY = "option"
 
 @dataclass(frozen=True)
 class Option:
-    """Form of one field of the options on the command line.
+    """Form of one field of the options on the command line."""
 
-    Parameters
-    ----------
-    flag
-        For example ``--sampling-time``.
-    metavar
-        What stands for the value in the help; by default the type's name.
-    type
-        What the command line reads: ``str``, ``int``, ``float``, ``list[str]``.
-    read
-        Turns what was read into the field's value; by default it is the value.
-    """
-
-    flag: str
-    metavar: str | None = None
-    type: Any = str
+    flag: str  # For example ``--sampling-time``
+    metavar: str | None = None  # What stands for the value in the help; by default the type's name
+    type: Any = str  # What the command line reads: ``str``, ``int``, ``float``, ``list[str]``
+    # Turns what was read into the field's value; by default it is the value
     read: Callable[[Any], Any] | None = None
 
     @property

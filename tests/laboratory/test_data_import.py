@@ -113,14 +113,20 @@ def test_settings_of_the_page_are_those_of_dataset_toml(folder):
 @over(
     "changes, line",
     [
-        ({"records": {"rum": {}}}, "[records]: 'rum' is unknown (did you mean 'run'?)"),
-        ({"records": {"run": {"role": "judge"}}}, "role = 'judge'; give train, validation, test"),
-        ({"records": {"run": {"colour": 1}}}, "[records.run]: 'colour' is unknown (did you mean"),
+        ({"records": {"rum": {}}}, "records: 'rum' is unknown (did you mean 'run'?)"),
+        (
+            {"records": {"run": {"role": "judge"}}},
+            "role is 'judge'; expected one of 'train', 'validation', 'test'",
+        ),
+        ({"records": {"run": {"colour": 1}}}, "records.run: 'colour' is unknown (did you mean"),
         ({"records": {"run": {"units": {"t": "fortnights"}}}}, "unit 'fortnights' of t is unknown"),
         ({"records": {"run": {"columns": {"u": 1, "y": 1}}}}, "u and y both name column 1"),
         ({"records": {"run": {"columns": {"u": "a\x7f"}}}}, "not TOML"),
-        ({"records": {"run": {"separator": ";"}}}, "separator = ';'; give comma, semicolon"),
-        ({"records": {"run": {"ts_s": -1}}}, "ts_s = -1; give seconds above 0"),
+        (
+            {"records": {"run": {"separator": ";"}}},
+            "separator is ';'; expected one of '', 'comma', 'semicolon'",
+        ),
+        ({"records": {"run": {"ts_s": -1}}}, "ts_s is -1; give seconds above 0"),
         ({"records": [1]}, "records is [1]; give an object"),
         ({"colour": 1}, "'colour' is unknown; give records"),
     ],

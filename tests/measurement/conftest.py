@@ -26,17 +26,17 @@ def write(tmp_path: Path) -> Write:
     return write_text
 
 
+def made_lines(samples: int = 40, start_s: float = 0.0, amplitude_V: float = 1.0) -> list[str]:
+    """Header and rows; row k (from 0) is line k + 2."""
+    t = 0.02 * np.arange(samples)
+    u = amplitude_V * np.sin(2 * np.pi * t)
+    rows = np.column_stack((start_s + t, u, 8 * u))
+    return ["t,u,y", *(",".join(f"{value:.6f}" for value in row) for row in rows)]
+
+
 @pytest.fixture
 def sine_lines() -> Lines:
-    """Header and rows; row k (from 0) is line k + 2."""
-
-    def lines(samples: int = 40, start_s: float = 0.0, amplitude_V: float = 1.0) -> list[str]:
-        t = 0.02 * np.arange(samples)
-        u = amplitude_V * np.sin(2 * np.pi * t)
-        rows = np.column_stack((start_s + t, u, 8 * u))
-        return ["t,u,y", *(",".join(f"{value:.6f}" for value in row) for row in rows)]
-
-    return lines
+    return made_lines
 
 
 @pytest.fixture

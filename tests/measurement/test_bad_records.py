@@ -8,233 +8,128 @@ import pytest
 from rdpi_gym.measurement import DataOptions, Record, load
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
+from tests.measurement.conftest import made_lines
+
+LINES = made_lines()
+TEXT, ROWS = "\n".join(LINES), "\n".join(LINES[1:])
+STILL = "\n".join(made_lines(amplitude_V=0))
+POSITIONS = {"t": 0, "u": 1, "y": 2}
 
 
-def with_cell(lines: list[str], line: int, column: int, cell: str) -> str:
+def cell(line: int, column: int, value: str, lines: list[str] = LINES) -> str:
     """Replace a cell; `line` is counted from 1, `column` from 0."""
     cells = lines[line - 1].split(",")
-    cells[column] = cell
+    cells[column] = value
     return "\n".join([*lines[: line - 1], ",".join(cells), *lines[line:]])
 
 
-@over("cell", ["inf", "-Infinity", "1e999"])
-@over("column, name", [(0, "t"), (1, "u"), (2, "y")])
-def test_no_finite_number(write, sine_lines, refusal, cell, column, name) -> None:
-    line = refusal(write("run.csv", with_cell(sine_lines(), 13, column, cell)))
-    assert f"run.csv, line 13, column {name}: " in line
-    assert "is no finite number; mend or remove this sample" in line
+def beside(name: str, value: str) -> list[str]:
+    """The lines with a column more, of one value."""
+    return [f"{LINES[0]},{name}", *(f"{line},{value}" for line in LINES[1:])]
 
 
-def test_no_finite_number_in_an_optional_column(write, sine_lines, refusal) -> None:
-    lines = sine_lines()
-    lines = [lines[0] + ",temperature", *(f"{line},20" for line in lines[1:])]
-    line = refusal(write("run.csv", with_cell(lines, 9, 3, "nan")))
-    assert "run.csv, line 9, column temperature: nan" in line
+def together(delimiter: str) -> str:
+    """The text with two lines on one."""
+    return "\n".join([*LINES[:9], f"{LINES[9]},{LINES[10]}", *LINES[11:]]).replace(",", delimiter)
 
 
-def test_lines_are_counted_with_comments_and_empty_ones(write, sine_lines, refusal) -> None:
-    text = with_cell(sine_lines(), 13, 1, "inf")
-    line = refusal(write("run.csv", "# a\r\n\r\n" + text.replace("\n", "\r\n")))
-    assert "run.csv, line 15, column u: inf" in line
-
-
-@over("cell", ["x", "1.2.3", "1_000", "--", "12 V", "0x10"])
-def test_no_number(write, sine_lines, refusal, cell) -> None:
-    line = refusal(write("run.csv", with_cell(sine_lines(), 30, 2, cell)))
-    assert f"run.csv, line 30, column y: {cell!r} is not a number" in line
-
-
-def test_no_number_under_another_name(write, sine_lines, refusal) -> None:
-    lines = ["t,volt,y", *sine_lines()[1:]]
-    options = DataOptions(columns={"u": "volt"})
-    line = refusal(write("run.csv", with_cell(lines, 2, 1, "?")), options)
-    assert "run.csv, line 2, column volt (u): '?' is not a number" in line
-
-
-def test_no_number_at_a_position(write, sine_lines, refusal) -> None:
-    options = DataOptions(columns={"t": 0, "u": 1, "y": 2})
-    line = refusal(write("run.csv", with_cell(sine_lines()[1:], 1, 2, "?")), options)
-    assert "run.csv, line 1, column 2 (y): '?' is not a number" in line
-
-
-def test_points_and_commas_mixed(write, sine_lines, refusal) -> None:
-    lines = with_cell(sine_lines(), 20, 1, "0|5").replace(",", ";").replace("|", ",")
-    line = refusal(write("run.csv", lines))
-    assert "run.csv, line 20, column u: '0,5' is not a number" in line
-
-
-def test_an_empty_cell(write, sine_lines, refusal) -> None:
-    line = refusal(write("run.csv", with_cell(sine_lines(), 7, 1, " ")))
-    assert "run.csv, line 7, column u: no value" in line
-
-
-def test_a_file_that_was_cut_off(write, sine_lines, refusal) -> None:
-    text = "\n".join(sine_lines())
-    line = refusal(write("run.csv", text[: text.rindex(",")]))
-    assert "run.csv, line 41, column y: no value; perhaps the file was cut off here" in line
-
-
-@over("delimiter", [",", ";", " "])
-def test_lines_that_ran_together(write, sine_lines, refusal, delimiter) -> None:
-    lines = sine_lines()
-    lines[9] += "," + lines.pop(10)
-    line = refusal(write("run.csv", "\n".join(lines).replace(",", delimiter)))
-    assert "run.csv, line 10, column 3: 6 values where 3 were expected" in line
-
-
-@over("value", ["-1", "0.08"])
-def test_time_that_does_not_increase(write, sine_lines, refusal, value) -> None:
-    line = refusal(write("run.csv", with_cell(sine_lines(), 8, 0, value)))
-    assert f"run.csv, line 8, column t: time goes from 0.1 to {float(value):g} s" in line
-
-
-def test_voltage_that_never_changes(write, sine_lines, refusal) -> None:
-    line = refusal(write("run.csv", "\n".join(sine_lines(amplitude_V=0))))
-    assert "run.csv, line 2, column u: u stays at 0 V in all samples, so" in line
-
-
-def test_voltage_that_never_changes_in_any_record(write, sine_lines, refusal, tmp_path) -> None:
-    for name in ("a.csv", "b.csv"):
-        write(name, "\n".join(sine_lines(amplitude_V=0)))
-    line = refusal(tmp_path)
-    assert "a.csv, line 2, column u: u stays at 0 V in all samples (and in 1 more records)" in line
-
-
-def test_fewer_than_sixteen_samples(write, sine_lines, refusal) -> None:
-    line = refusal(write("run.csv", "\n".join(sine_lines(samples=15))))
-    assert "run.csv, line 16, column u: the record ends after 15 samples; give 16 or more" in line
-    assert load(write("run.csv", "\n".join(sine_lines(samples=16)))).records[0].t_s.size == 16
-
-
-def test_fewer_than_sixteen_samples_after_the_skip(write, sine_lines, refusal) -> None:
-    path = write("run.csv", "\n".join(sine_lines()))
-    line = refusal(path, DataOptions(skip_s=0.5))
-    assert "run.csv, line 41, column u: 15 samples are left after the first 0.5 s of 0.78 s" in line
-    assert load(path, DataOptions(skip_s=0.48)).records[0].t_s.size == 16
-
-
-def test_fewer_than_sixteen_samples_at_the_median_step(write, sine_lines, refusal) -> None:
-    lines = sine_lines(samples=20)
+def crowded() -> str:
+    """Twenty samples, half of them within a ten-thousandth of a step."""
+    lines = made_lines(samples=20)
     for k in range(9):
         lines[k + 2] = ",".join([f"{1e-5 * (k + 1):.6f}", *lines[k + 2].split(",")[1:]])
-    line = refusal(write("run.csv", "\n".join(lines)))
-    assert "samples are left at the median step of 0.02 s; give 16 or more" in line
+    return "\n".join(lines)
 
 
-@over(
-    "header, name, meaning",
-    [
-        ("time,u,y", "t", "time in s"),
-        ("t,U,y", "u", "voltage in V"),
-        ("t,u,disp", "y", "displacement in µm"),
-    ],
-)
-def test_a_missing_column(write, sine_lines, refusal, header, name, meaning) -> None:
-    line = refusal(write("run.csv", "\n".join(["# made today", header, *sine_lines()[1:]])))
-    assert f"run.csv, line 2, column {name}: missing ({meaning})" in line
-    assert f"the file has {header.replace(',', ', ')}; name it with --columns {name}=..." in line
-    assert ("--sampling-time" in line) == (name == "t")
+NOT_FINITE = "is no finite number; mend or remove this sample"
+CASES: list[tuple[str, dict, str]] = [
+    *(
+        (cell(13, k, value), {}, f"line 13, column {'tuy'[k]}: ... {NOT_FINITE}")
+        for k in range(3)
+        for value in ("inf", "-Infinity", "1e999")
+    ),
+    (cell(9, 3, "nan", beside("temperature", "20")), {}, "line 9, column temperature: nan"),
+    # lines are counted with comments and empty ones
+    ("# a\r\n\r\n" + cell(13, 1, "inf").replace("\n", "\r\n"), {}, "line 15, column u: inf"),
+    *(
+        (cell(30, 2, value), {}, f"line 30, column y: {value!r} is not a number")
+        for value in ("x", "1.2.3", "1_000", "--", "12 V", "0x10")
+    ),
+    (cell(2, 1, "?", ["t,volt,y", *LINES[1:]]), {"columns": {"u": "volt"}}, "line 2, column volt (u): '?' is not a number"),
+    (cell(1, 2, "?", LINES[1:]), {"columns": POSITIONS}, "line 1, column 2 (y): '?' is not a number"),
+    # points and commas mixed
+    (cell(20, 1, "0|5").replace(",", ";").replace("|", ","), {}, "line 20, column u: '0,5' is not a number"),
+    (cell(7, 1, " "), {}, "line 7, column u: no value"),
+    (TEXT[: TEXT.rindex(",")], {}, "line 41, column y: no value; perhaps the file was cut off here"),
+    *((together(d), {}, "line 10, column 3: 6 values where 3 were expected") for d in ",; "),
+    *((cell(8, 0, value), {}, f"line 8, column t: time goes from 0.1 to {value} s") for value in ("-1", "0.08")),
+    (STILL, {}, "line 2, column u: u stays at 0 V in all samples, so"),
+    ("\n".join(made_lines(samples=15)), {}, "line 16, column u: the record ends after 15 samples; give 16 or more"),
+    (TEXT, {"skip_s": 0.5}, "line 41, column u: 15 samples are left after the first 0.5 s of 0.78 s"),
+    (crowded(), {}, "samples are left at the median step of 0.02 s; give 16 or more"),
+    *(
+        (
+            "\n".join(["# made today", header, *LINES[1:]]), {},
+            f"line 2, column {name}: missing ({meaning}) ... the file has {header.replace(',', ', ')}; name it with "
+            f"--columns {name}=...",
+        )
+        for header, name, meaning in (
+            ("time,u,y", "t", "time in s"), ("t,U,y", "u", "voltage in V"), ("t,u,disp", "y", "displacement in µm"),
+        )
+    ),
+    ("\n".join(["time,u,y", *LINES[1:]]), {}, "--columns t=... or give --sampling-time"),
+    (TEXT, {"columns": {"reference": "ref"}}, "line 1, column ref (reference): missing (reference in µm)"),
+    ("\n".join(beside("u", "0")), {}, "line 1, column u: it is there twice"),
+    (TEXT, {"columns": {"u": "y"}}, "line 1, column y: read as u, so y needs a column of its own"),
+    (ROWS, {}, "line 1, column 0: a number where a header was expected ... --columns t=0,u=1,y=2"),
+    (ROWS, {"columns": {"t": 0, "u": 1}}, "(missing: y)"),
+    (ROWS, {"columns": {"t": 0, "u": 1, "y": 3}}, "line 1, column 3 (y): there are 3 columns; give a position from 0 to 2"),
+    # a header that does not fit
+    ("\n".join(["time stamp u y", *(line.replace(",", " ") for line in LINES[1:])]), {"columns": {"t": "stamp"}}, "line 2: 3 values under 4 names (line 1)"),
+    # decimal commas between commas
+    ("\n".join([LINES[0], *(line.replace(".", ",") for line in LINES[1:])]), {}, "line 2: 6 values under 3 names (line 1) ... put semicolons between the values"),
+    *((text, {}, "the file ends before its first value") for text in ("", "\n\n", "# t,u,y\n", "t,u,y\n")),
+    ("# gemessen\nt,u,y,Länge\n0,1,2,3\n".encode("latin-1"), {}, "line 2, column 8 (byte 18): not UTF-8 text; save the file as UTF-8"),
+    ("t,u,y\n0,1,2".encode("utf-16")[:-1], {}, "line 2, column 5 (byte 22): not UTF-16-"),
+    ("t,u,y\n0,1,2".encode("utf-16-le"), {}, "line 1, column 2: a NUL character"),
+    (TEXT, {"sampling_time_s": 5e-3}, "line 2, column t: time steps by 0.02 s on average ... --sampling-time says 0.005 s"),
+    (cell(12, 3, "1.5", beside("period", "1")), {}, "line 12, column period: 1.5 is no index of a repetition"),
+    ("\n".join([*LINES, *made_lines(start_s=1e6)[1:]]), {}, "run.csv: time jumps from 0.78 to 1e+06 s where the median step is 0.02 s"),
+]  # fmt: skip
 
 
-def test_a_missing_column_that_was_asked_for(write, sine_lines, refusal) -> None:
-    path = write("run.csv", "\n".join(sine_lines()))
-    line = refusal(path, DataOptions(columns={"reference": "ref"}))
-    assert "run.csv, line 1, column ref (reference): missing (reference in µm)" in line
-
-
-def test_a_column_that_is_there_twice(write, sine_lines, refusal) -> None:
-    lines = ["t,u,y,u", *(f"{line},0" for line in sine_lines()[1:])]
-    assert "run.csv, line 1, column u: it is there twice" in refusal(
-        write("run.csv", "\n".join(lines))
-    )
-
-
-def test_a_column_that_is_read_twice(write, sine_lines, refusal) -> None:
-    path = write("run.csv", "\n".join(sine_lines()))
-    line = refusal(path, DataOptions(columns={"u": "y"}))
-    assert "run.csv, line 1, column y: read as u, so y needs a column of its own" in line
-
-
-def test_no_header(write, sine_lines, refusal) -> None:
-    path = write("run.csv", "\n".join(sine_lines()[1:]))
-    line = refusal(path)
-    assert "run.csv, line 1, column 0: a number where a header was expected" in line
-    assert "--columns t=0,u=1,y=2" in line
-    assert "(missing: y)" in refusal(path, DataOptions(columns={"t": 0, "u": 1}))
-
-
-def test_a_position_that_is_not_there(write, sine_lines, refusal) -> None:
-    options = DataOptions(columns={"t": 0, "u": 1, "y": 3})
-    line = refusal(write("run.csv", "\n".join(sine_lines()[1:])), options)
-    assert "run.csv, line 1, column 3 (y): there are 3 columns; give a position from 0 to 2" in line
-
-
-def test_a_header_that_does_not_fit(write, sine_lines, refusal) -> None:
-    blanks = ["time stamp u y", *(line.replace(",", " ") for line in sine_lines()[1:])]
-    line = refusal(write("run.txt", "\n".join(blanks)), DataOptions(columns={"t": "stamp"}))
-    assert "run.txt, line 2: 3 values under 4 names (line 1)" in line
-
-
-def test_decimal_commas_between_commas(write, sine_lines, refusal) -> None:
-    lines = sine_lines()
-    text = "\n".join([lines[0], *(line.replace(".", ",") for line in lines[1:])])
-    line = refusal(write("run.csv", text))
-    assert "run.csv, line 2: 6 values under 3 names (line 1)" in line
-    assert "put semicolons between the values" in line
-
-
-@over("text", ["", "\n\n", "# t,u,y\n", "t,u,y\n"])
-def test_no_values(write, refusal, text) -> None:
-    assert "the file ends before its first value" in refusal(write("run.csv", text))
-
-
-def test_wrong_encoding(tmp_path, refusal) -> None:
+@over("text, options, said", CASES)
+def test_what_is_wrong_is_named_by_its_place(tmp_path, refusal, text, options, said) -> None:
     path = tmp_path / "run.csv"
-    path.write_bytes("# gemessen\nt,u,y,Länge\n0,1,2,3\n".encode("latin-1"))
-    line = refusal(path)
-    assert "run.csv, line 2, column 8 (byte 18): not UTF-8 text; save the file as UTF-8" in line
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    line = refusal(path, DataOptions(**options))
+    for part in said.split(" ... "):
+        assert (f"run.csv, {part}" if part.startswith("line") else part) in line
 
 
-def test_utf16_that_was_cut_off(tmp_path, refusal) -> None:
-    path = tmp_path / "run.csv"
-    path.write_bytes("t,u,y\n0,1,2".encode("utf-16")[:-1])
-    assert "run.csv, line 2, column 5 (byte 22): not UTF-16-" in refusal(path)
-
-
-def test_utf16_without_its_mark(tmp_path, refusal) -> None:
-    path = tmp_path / "run.csv"
-    path.write_bytes("t,u,y\n0,1,2".encode("utf-16-le"))
-    assert "run.csv, line 1, column 2: a NUL character" in refusal(path)
-
-
-def test_a_sampling_time_that_contradicts_the_file(write, sine_lines, refusal) -> None:
-    path = write("run.csv", "\n".join(sine_lines()))
-    line = refusal(path, DataOptions(sampling_time_s=5e-3))
-    assert "run.csv, line 2, column t: time steps by 0.02 s on average" in line
-    assert "--sampling-time says 0.005 s" in line
+def test_what_just_suffices_is_read(write) -> None:
+    path = write("run.csv", TEXT)
+    assert load(path, DataOptions(skip_s=0.48)).records[0].t_s.size == 16
     assert load(path, DataOptions(sampling_time_s=0.0201)).records[0].ts_s == pytest.approx(0.02)
+    path = write("run.csv", "\n".join(made_lines(samples=16)))
+    assert load(path).records[0].t_s.size == 16
 
 
-def test_a_period_that_is_no_index(write, sine_lines, refusal) -> None:
-    lines = ["t,u,y,period", *(f"{line},1" for line in sine_lines()[1:])]
-    line = refusal(write("run.csv", with_cell(lines, 12, 3, "1.5")))
-    assert "run.csv, line 12, column period: 1.5 is no index of a repetition" in line
+def test_a_missing_column_of_values_asks_for_no_sampling_time(write, refusal) -> None:
+    for header in ("t,U,y", "t,u,disp"):
+        line = refusal(write("run.csv", "\n".join([header, *LINES[1:]])))
+        assert "--sampling-time" not in line
 
 
-def test_time_that_jumps_far(write, sine_lines, refusal) -> None:
-    lines = [*sine_lines(), *sine_lines(start_s=1e6)[1:]]
-    line = refusal(write("run.csv", "\n".join(lines)))
-    assert "run.csv: time jumps from 0.78 to 1e+06 s where the median step is 0.02 s" in line
-
-
-def test_nothing_there(tmp_path, refusal) -> None:
+def test_a_folder_or_a_file_that_cannot_be_read(write, refusal, tmp_path) -> None:
     assert "no.csv does not exist; give a data file or a folder" in refusal(tmp_path / "no.csv")
     assert ": no data file in this folder; give .csv" in refusal(tmp_path)
-
-
-def test_an_ending_that_is_not_read(write, refusal) -> None:
     line = refusal(write("run.xlsx", "PK"))
     assert "run.xlsx: files that end in '.xlsx' are not read; give a folder or one of .csv" in line
+    for name in ("a.csv", "b.csv"):
+        write(name, STILL)
+    line = refusal(tmp_path)
+    assert "a.csv, line 2, column u: u stays at 0 V in all samples (and in 1 more records)" in line
 
 
 @over(

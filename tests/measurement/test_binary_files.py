@@ -71,76 +71,42 @@ def test_one_struct_that_holds_the_columns(tmp_path, name) -> None:
 
 
 @every_format
-def test_a_missing_variable(tmp_path, refusal, name) -> None:
-    save(tmp_path / name, {"t": T, "u": U, "displacement": U})
-    line = refusal(tmp_path / name)
-    assert f"{name}, variable y: missing (displacement in µm); the file has" in line
-    assert "--columns y=..." in line
+@over(
+    "changed, options, said",
+    [
+        ({"y": None, "displacement": U}, {}, ", variable y: missing (displacement in µm); the file has"),
+        ({"y": None, "displacement": U}, {}, "--columns y=..."),
+        ({"y": np.zeros((40, 2))}, {}, ", variable y: shape"),
+        ({"y": U + 1j}, {}, ", variable y: no array of real numbers"),
+        ({"y": U[1:]}, {}, ", variable y: 39 values where variable u has 40"),
+        (
+            {"y": np.where(np.arange(40) == 17, np.inf, U)}, {},
+            ", element 17 (counted from 0), variable y: inf is no finite number",
+        ),
+        ({}, {"u": 1}, ", variable u: position 1 means nothing here"),
+        (dict.fromkeys(COLUMNS, np.zeros(0)), {}, "the record ends after 0 samples; give 16 or more"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(tmp_path, refusal, name, changed, options, said) -> None:
+    variables = {key: value for key, value in (COLUMNS | changed).items() if value is not None}
+    save(tmp_path / name, variables)
+    line = refusal(tmp_path / name, DataOptions(columns=options))
+    assert (f"{name}{said}" if said.startswith(",") else said) in line
 
 
 @every_format
-def test_two_channels(tmp_path, refusal, name) -> None:
-    save(tmp_path / name, {**COLUMNS, "y": np.zeros((40, 2))})
-    assert f"{name}, variable y: shape" in refusal(tmp_path / name)
-
-
-@every_format
-def test_complex_numbers(tmp_path, refusal, name) -> None:
-    save(tmp_path / name, {**COLUMNS, "y": U + 1j})
-    assert f"{name}, variable y: no array of real numbers" in refusal(tmp_path / name)
-
-
-@every_format
-def test_lengths_that_differ(tmp_path, refusal, name) -> None:
-    save(tmp_path / name, {**COLUMNS, "y": U[1:]})
-    assert f"{name}, variable y: 39 values where variable u has 40" in refusal(tmp_path / name)
-
-
-@every_format
-def test_not_a_finite_number(tmp_path, refusal, name) -> None:
-    broken = 8 * U
-    broken[17] = np.inf
-    save(tmp_path / name, {**COLUMNS, "y": broken})
-    line = refusal(tmp_path / name)
-    assert f"{name}, element 17 (counted from 0), variable y: inf is no finite number" in line
-
-
-@every_format
-def test_positions_name_no_variable(tmp_path, refusal, name) -> None:
-    save(tmp_path / name, COLUMNS)
-    line = refusal(tmp_path / name, DataOptions(columns={"u": 1}))
-    assert f"{name}, variable u: position 1 means nothing here" in line
-
-
-@every_format
-def test_an_empty_variable(tmp_path, refusal, name) -> None:
-    save(tmp_path / name, {key: np.zeros(0) for key in COLUMNS})
-    assert "the record ends after 0 samples; give 16 or more" in refusal(tmp_path / name)
-
-
-@every_format
-def test_a_file_that_was_cut_off(tmp_path, refusal, name) -> None:
+def test_a_file_that_was_cut_off_or_is_of_another_kind(tmp_path, refusal, name) -> None:
     save(tmp_path / name, COLUMNS)
     whole = (tmp_path / name).read_bytes()
-    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-    assert f"{name} cannot be read as" in refusal(tmp_path / name)
+    for content in (whole[: len(whole) // 2], b"t,u,y\n" * 200):
+        (tmp_path / name).write_bytes(content)
+        assert f"{name} cannot be read as" in refusal(tmp_path / name)
 
 
-@every_format
-def test_another_kind_of_file_under_this_ending(tmp_path, refusal, name) -> None:
-    (tmp_path / name).write_text("t,u,y\n" * 200)
-    assert f"{name} cannot be read as" in refusal(tmp_path / name)
-
-
-def test_pickled_objects_are_refused(tmp_path, refusal) -> None:
+def test_pickled_objects_and_an_array_without_a_name_are_refused(tmp_path, refusal) -> None:
     np.savez(tmp_path / "run.npz", **{**COLUMNS, "y": np.array([object()] * 40)})
     line = refusal(tmp_path / "run.npz")
-    assert (
-        "run.npz cannot be read as npz file ('y' holds Python objects, which are not read)" in line
-    )
-
-
-def test_one_array_without_names(tmp_path, refusal) -> None:
+    assert "cannot be read as npz file ('y' holds Python objects, which are not read)" in line
     with (tmp_path / "run.npz").open("wb") as stream:
         np.save(stream, U)
     assert "one array without a name" in refusal(tmp_path / "run.npz")

@@ -102,19 +102,22 @@ def test_units_are_resolved_file_by_file(write, tmp_path) -> None:
 @over(
     "toml, said",
     [
-        ("[quantities]\ninputs = {}", r"'inputs' is unknown \(did you mean 'input'\?\)"),
-        ("[quantities]\noutput = 'kN'", r"output = 'kN'; give a table, as in output = \{ name"),
-        ("[quantities]\noutput = { units = 'kN' }", r"output: 'units' is unknown"),
+        (
+            "[quantities]\ninputs = {}",
+            r"quantities: 'inputs' is unknown \(did you mean 'input'\?\)",
+        ),
+        ("[quantities]\noutput = 'kN'", r"quantities.output is 'kN'; expected an object"),
+        ("[quantities]\noutput = { units = 'kN' }", r"quantities.output: 'units' is unknown"),
         ("[quantities]\noutput = { name = 'force' }", "'force', has no unit; give it one"),
         ("[quantities]\noutput = { unit = 'furlong' }", "in 'furlong' has no name; give it one"),
-        ("[quantities]\noutput = { unit = '' }", "unit = ''; give 1 to 30 characters"),
-        ("[quantities]\noutput = { unit = 3 }", "unit = 3; give text"),
+        ("[quantities]\noutput = { unit = '' }", "quantities.output.unit is ''; give 1 to 30 char"),
+        ("[quantities]\noutput = { unit = 3 }", "quantities.output.unit is 3; expected text"),
         (
             "[units]\ny = 'mm'\n[quantities]\noutput = { unit = 'kN' }",
             "shown in 'kN' while column y is in 'mm'",
         ),
-        ("[columns]\ninputs = ['a', 'a']", "give different names"),
-        ("[columns]\ninputs = [3]", "give different names"),
+        ("[columns]\ninputs = ['a', 'a']", "columns.inputs is .*; give different names"),
+        ("[columns]\ninputs = [3]", r"columns.inputs\[0\] is 3; expected text"),
     ],
 )
 def test_what_is_wrong_in_dataset_toml_is_one_line(write, refusal, toml, said) -> None:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tracemalloc
 import zipfile
+from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -178,22 +179,23 @@ def v73(path: Path, without: str = "y") -> h5py.File:
     return file
 
 
-def test_a_data_set_that_lies_in_another_file_is_not_read(tmp_path, refusal) -> None:
-    (tmp_path / "secret").write_bytes(bytes(320))
-    with v73(tmp_path / "run.mat") as file:
-        file.create_dataset(
-            "y", (40,), dtype="f8", external=[(str(tmp_path / "secret"), 0, h5py.h5f.UNLIMITED)]
-        )
-    assert "run.mat, variable y: its numbers lie in another file" in refusal(tmp_path / "run.mat")
-
-
-def test_a_virtual_data_set_is_not_read(tmp_path, refusal) -> None:
-    with h5py.File(tmp_path / "other.h5", "w") as other:
+def elsewhere(kind: str, folder: Path) -> Callable[[h5py.File], object]:
+    """Return what puts a `y` into a file whose numbers lie in another one."""
+    if kind == "external":
+        (folder / "secret").write_bytes(bytes(320))
+        place = (str(folder / "secret"), 0, h5py.h5f.UNLIMITED)
+        return lambda file: file.create_dataset("y", (40,), dtype="f8", external=[place])
+    with h5py.File(folder / "other.h5", "w") as other:
         other["y"] = COLUMNS["y"]
+    virtual = h5py.VirtualLayout((40,), dtype="f8")
+    virtual[:] = h5py.VirtualSource(folder / "other.h5", "y", (40,))
+    return lambda file: file.create_virtual_dataset("y", virtual)
+
+
+@over("kind", ["external", "virtual"])
+def test_a_data_set_that_lies_in_another_file_is_not_read(tmp_path, refusal, kind) -> None:
     with v73(tmp_path / "run.mat") as file:
-        virtual = h5py.VirtualLayout((40,), dtype="f8")
-        virtual[:] = h5py.VirtualSource(tmp_path / "other.h5", "y", (40,))
-        file.create_virtual_dataset("y", virtual)
+        elsewhere(kind, tmp_path)(file)
     assert "run.mat, variable y: its numbers lie in another file" in refusal(tmp_path / "run.mat")
 
 
@@ -222,22 +224,13 @@ def test_a_huge_data_set_is_read_only_if_asked_for_and_then_refused(tmp_path, re
     assert "run.mat, variable y: 6144 MiB of numbers" in refusal(tmp_path / "run.mat")
 
 
+@over("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
 @over("name", ["run.csv", "run.mat", "run.npz", "dataset.toml"])
-def test_a_fifo_in_a_folder_of_data(tmp_path, refusal, name) -> None:
-    folder = tmp_path / name.partition(".")[2]
-    folder.mkdir()
-    (folder / "whole.csv").write_text(TEXT)
-    os.mkfifo(folder / name)
-    assert f"{name} is no regular file" in refusal(folder)
-
-
-@over("name", ["run.csv", "run.mat", "run.npz", "dataset.toml"])
-def test_a_link_to_a_device(tmp_path, refusal, name) -> None:
-    folder = tmp_path / name.partition(".")[2]
-    folder.mkdir()
-    (folder / "whole.csv").write_text(TEXT)
-    (folder / name).symlink_to("/dev/zero")
-    assert f"{name} is no regular file" in refusal(folder)
+def test_a_fifo_or_a_link_to_a_device_in_a_folder_of_data(tmp_path, refusal, name, make) -> None:
+    (tmp_path / "whole.csv").write_text(TEXT)
+    make(tmp_path / name)
+    assert f"{name} is no regular file" in refusal(tmp_path)
+    (tmp_path / name).unlink()
 
 
 def test_an_empty_path_is_not_the_current_folder(tmp_path, refusal, monkeypatch) -> None:
@@ -253,45 +246,47 @@ def test_a_name_that_a_terminal_would_obey(tmp_path, refusal) -> None:
 
 
 @over(
-    "text, said",
+    "text, toml, said",
     [
-        (TEXT.replace("0.20,", "0." + "2" * 200_000 + ","), "line 12: 200018 characters"),
-        (TEXT.replace("0.20,", "9" * 5000 + ","), "is no finite number"),
-        (TEXT.replace("0.20,", str(10**400) + ","), "is no finite number"),
-        (
-            TEXT.replace("0.20,", "0.20,1e200,").replace(",0.19867", ""),
-            "too large for a measurement",
+        *(
+            (text, "", said)
+            for text, said in [
+                (TEXT.replace("0.20,", "0." + "2" * 200_000 + ","), "line 12: 200018 characters"),
+                (TEXT.replace("0.20,", "9" * 5000 + ","), "is no finite number"),
+                (TEXT.replace("0.20,", str(10**400) + ","), "is no finite number"),
+                (
+                    TEXT.replace("0.20,", "0.20,1e200,").replace(",0.19867", ""),
+                    "too large for a measurement",
+                ),
+                (TEXT.replace("0.20,", "0.2\0,"), "a NUL character"),
+                (TEXT.replace("t,", "x" * 50_000 + ","), "missing (time in s)"),
+                (TEXT.replace("0.20,", "\x1b[2J,"), r"'\x1b[2J' is not a number"),
+                (TEXT.replace("0.20,", "x" * 5_000 + ","), "is not a number"),
+            ]
         ),
-        (TEXT.replace("0.20,", "0.2\0,"), "a NUL character"),
-        (TEXT.replace("t,", "x" * 50_000 + ","), "missing (time in s)"),
-        (TEXT.replace("0.20,", "\x1b[2J,"), r"'\x1b[2J' is not a number"),
-        (TEXT.replace("0.20,", "x" * 5_000 + ","), "is not a number"),
+        *(
+            (TEXT, toml, said)
+            for toml, said in [
+                ("title = " + "[" * 10_000, "nested too deep"),
+                ("a." * 5_000 + "a = 1", "unknown"),
+                ("skip_s = " + "9" * 5000, "not TOML"),
+                (f"skip_s = {10**400}", "skip_s is 1000"),
+                (f"[columns]\nu = {10**400}", "columns.u is 1000"),
+                (f"[records.run]\nmask_s = [[0, {10**400}]]", "mask_s[0][1] is 1000"),
+                (
+                    'title = "\\u001b]0;gone\\u0007"',
+                    r"'\x1b]0;gone\x07'; give text without control characters",
+                ),
+                ('[records.run]\nnote = "\\u202e"', "note is '\\u202e'; give text without"),
+                ("x" * 5_000 + " = 1", "is unknown"),
+                ("title = 1\n" + "#" * 2**20, "1 MiB at most"),
+            ]
+        ),
     ],
 )
-def test_text(write, refusal, text, said) -> None:
+def test_text_and_dataset_toml(write, refusal, text, toml, said) -> None:
+    write("dataset.toml", toml)
     line = refusal(write("run.csv", text))
-    assert said in line
-    assert len(line) < 400
-
-
-@over(
-    "text, said",
-    [
-        ("title = " + "[" * 10_000, "nested too deep"),
-        ("a." * 5_000 + "a = 1", "unknown"),
-        ("skip_s = " + "9" * 5000, "not TOML"),
-        (f"skip_s = {10**400}", "skip_s = 1000"),
-        (f"[columns]\nu = {10**400}", "u = 1000"),
-        (f"[records.run]\nmask_s = [[0, {10**400}]]", "give stretches"),
-        ('title = "\\u001b]0;gone\\u0007"', r"'\x1b]0;gone\x07'; give text"),
-        ('[records.run]\nnote = "\\u202e"', "give text"),
-        ("x" * 5_000 + " = 1", "is unknown"),
-        ("title = 1\n" + "#" * 2**20, "1 MiB at most"),
-    ],
-)
-def test_dataset_toml(write, refusal, text, said) -> None:
-    write("dataset.toml", text)
-    line = refusal(write("run.csv", TEXT))
     assert said in line
     assert len(line) < 400
 

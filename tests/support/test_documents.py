@@ -82,7 +82,7 @@ def test_keys_that_are_missing_or_unknown() -> None:
     strict.strict = True
     with pytest.raises(InputError, match=r"a\.json: names is missing; expected a list"):
         strict.read_fields(Group, {}, "a.json")
-    with pytest.raises(InputError, match=r"a\.json has the unknown key 'x'; known are tau_s, name"):
+    with pytest.raises(InputError, match=r"a\.json: 'x' is unknown; known are tau_s, name"):
         strict.read_fields(Part, {"tau_s": 1.0, "x": 1}, "a.json")
 
 
@@ -104,7 +104,7 @@ def test_keys_that_are_missing_or_unknown() -> None:
         ({"count": 7.5}, "count is 7.5; expected a whole number"),
         ({"count": 10**400}, "count is "),
         ({"sure": 1}, "sure is 1; expected True or False"),
-        ({"either": 3}, "either is 3; expected text"),
+        ({"either": 3}, "either is 3; expected an object or text"),
         ({"numbers": {"x": "1"}}, "numbers.x is '1'; expected a number"),
         ({"numbers": None}, "numbers is None; expected an object"),
         ({"rmse": 1e400}, "rmse is inf; expected a number"),
