@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -84,18 +83,6 @@ def test_lanes_are_the_episodes_one_by_one_and_begin_where_they_are_told():
             assert action[0] == pytest.approx(together[k][lane], abs=1e-6)
 
 
-def test_a_state_is_never_changed_behind_the_callers_back():
-    policy = tame("correction")
-    controller = LearnedController(policy, P10, ObservationLayout.for_plant(P10, 1e-4, preview=2))
-    shown = np.full((2, 5), 0.1, dtype=np.float32)
-    _, state = controller.predict(shown)
-    before = state.copy()
-    first, _ = controller.predict(2.0 * shown, state)
-    np.testing.assert_array_equal(state, before)
-    again, _ = controller.predict(2.0 * shown, state)
-    np.testing.assert_array_equal(first, again)
-
-
 def test_a_longer_preview_changes_nothing():
     policy = tame("command")
     references = 20.0 * np.sin(0.03 * np.arange(80.0))[:, None]
@@ -149,13 +136,3 @@ def test_commands_stay_in_the_range():
         action, state = controller.predict(observation, state)
         assert (np.abs(action) <= 1.0).all()
         observation = task.step(layout.place_to_V(action[:, 0].astype(float)))
-
-
-def test_stable_baselines_evaluates_it_as_any_policy():
-    evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
-    monitor = pytest.importorskip("stable_baselines3.common.monitor")
-    env = gym.make("rdpi_gym/PiezoTracking-v0", preview=2, max_episode_steps=100)
-    plain = env.unwrapped
-    controller = LearnedController(tame("correction"), plain.belief, plain.layout)
-    mean, _ = evaluation.evaluate_policy(controller, monitor.Monitor(env), 2, warn=False)
-    assert np.isfinite(mean)
