@@ -1,4 +1,4 @@
-"""Whether the search is right on hysteresis of any kind: `python -m studies.effects_on_cores --seed 1`.
+"""Results of the search on hysteresis of any kind: `python -m studies.effects_on_cores --seed 1`.
 
 Plants of every kind, bare or with one effect, move through loops, a chirp and, held out, loops within
 loops. The effects are those of the second study of hidden effects: in forms that the catalogue does
@@ -68,7 +68,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store."""
+        """Name of the case in the store."""
         return (
             f"{self.kind}/{'one effect' if self.hides else 'none'}/{self.number}/seed {self.seed}"
         )
@@ -95,7 +95,7 @@ def drawn(case: Case) -> tuple[Core, Mechanism | None, Dataset]:
         hidden = None
         if case.hides:
             form = AROUND[int(rng.integers(len(AROUND)))]
-            hidden = _shown(core, drives, bare, form, noise_um, rng)
+            hidden = _visible_effect(core, drives, bare, form, noise_um, rng)
             if hidden is None:
                 continue
         records = []
@@ -146,7 +146,7 @@ def _passed(hidden: Mechanism, x: Array, at: Grid) -> Array:
     return hidden.form.apply(x, at, hidden.numbers)
 
 
-def _shown(
+def _visible_effect(
     core: Core,
     drives: dict[str, Array],
     bare: Sequence[Array],

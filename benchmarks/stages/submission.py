@@ -16,11 +16,9 @@ import numpy as np
 
 from baselines import policy_of
 from benchmarks.rows import TASKS, TaskKey
-from benchmarks.stages.run import TestSeed, run_tasks
-from benchmarks.stages.tables import TaskScores
-from benchmarks.stages.unit import SUITE_VERSION
-from benchmarks.tracking.controllers import is_learned
-from benchmarks.tracking.fingerprint import code_fingerprint
+from benchmarks.stages.ranking import TaskScores
+from benchmarks.stages.run import SUITE_VERSION, TestSeed, run_tasks
+from benchmarks.tracking.controllers import code_fingerprint, is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
@@ -46,31 +44,16 @@ _LARGEST_CODE = 2**28  # bytes of a file, as those of a policy's weights
 
 @dataclass(frozen=True)
 class Submission:
-    """What a folder says.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-    controller
-        As it was named where it was submitted.
-    code
-        Name of the copy in the folder; empty for a controller of this package.
-    hash
-        Of that copy, or of this package's code.
-    tasks, plants
-        What it was scored on, with the public seed.
-    command
-        The command that made it.
-    """
+    """Content of a submission's folder."""
 
     folder: Path
-    controller: str
-    code: str
-    hash: str
+    controller: str  # as it was named where it was submitted
+    code: str  # name of the copy in the folder; empty for a controller of this package
+    hash: str  # of that copy, or of this package's code
+    # what it was scored on, with the public seed
     tasks: tuple[str, ...]
     plants: int
-    command: str
+    command: str  # that made it
 
     @property
     def runs_as(self) -> str:

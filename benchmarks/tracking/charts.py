@@ -128,13 +128,12 @@ def _interval(means: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
 
 
 def marked_names(ranking: pd.DataFrame) -> list[str]:
-    """Name the controllers with their ranks, each with its status below where that is not "ok"."""
-    names = []
-    for row in ranking.to_dict("records"):
-        name = f"{row.get('rank', '')} {row['controller']}".strip()
-        status = str(row.get("status", "ok")).removeprefix("bound").removeprefix(", ")
-        names.append(name if status in ("ok", "") else f"{name}\n({status})")
-    return names
+    """Name the controllers with their ranks, each with its cautions below where it has any."""
+    columns = (ranking[name] for name in ("rank", "controller", "cautions"))
+    return [
+        f"{rank} {controller}" + ("" if cautions == "ok" else f"\n({cautions})")
+        for rank, controller, cautions in zip(*columns, strict=True)
+    ]
 
 
 def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:

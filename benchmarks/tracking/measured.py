@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines import FULL_PREVIEW, ControllerFactory, make_controller
 from benchmarks.tracking.controllers import Made, is_learned
-from benchmarks.tracking.scoring import ERROR, one_line
+from benchmarks.tracking.episode import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.measurement import Dataset, Record, example_folder, load
 from rdpi_gym.plant import RDPI, Plant, PlantModel

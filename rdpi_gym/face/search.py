@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
@@ -258,23 +258,7 @@ def _percent(share: float) -> str:
 
 
 def candidates_of(effects: Sequence[str | type[Effect]]) -> Mapping[str, type[Effect]]:
-    """Return the catalogue with a user's own effects.
-
-    Parameters
-    ----------
-    effects
-        Classes, or each as ``module:Class``.
-
-    Raises
-    ------
-    InputError
-        What is named is no effect, or has the name of another.
-
-    Examples
-    --------
-    >>> "creep" in candidates_of(())
-    True
-    """
+    """Return the catalogue with a user's own effects: classes, or each as ``module:Class``."""
     known = dict(CATALOGUE)
     for effect in effects:
         kind = _effect(effect)
@@ -311,6 +295,18 @@ def _core(options: SearchOptions) -> str | None:
     return options.core
 
 
+def _asked(options: SearchOptions) -> dict[str, Any]:
+    """Keywords of a search below."""
+    return {
+        "jobs": options.jobs,
+        "seed": options.seed,
+        "progress": options.progress,
+        "checkpoint": None if options.resume is None else Path(options.resume),
+        "core": _core(options),
+        "on_candidate": options.on_candidate,
+    }
+
+
 def _search(
     function: Callable[..., results.SearchResult],
     data: measurement.Dataset | PathLike[str] | str,
@@ -322,17 +318,7 @@ def _search(
     given = _given(options)
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = function(
-            dataset,
-            given,
-            catalogue=catalogue,
-            jobs=options.jobs,
-            seed=options.seed,
-            progress=options.progress,
-            checkpoint=None if options.resume is None else Path(options.resume),
-            core=_core(options),
-            on_candidate=options.on_candidate,
-        )
+        found = function(dataset, given, catalogue=catalogue, **_asked(options))
     return SearchResult.of(found, data=Dataset.of(dataset), own=own)
 
 
@@ -523,17 +509,7 @@ def _add(
         raise InputError("add needs the model that the effect is added to; give it with --model")
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = searches.add_effect(
-            dataset,
-            given,
-            kind,
-            jobs=options.jobs,
-            seed=options.seed,
-            progress=options.progress,
-            checkpoint=None if options.resume is None else Path(options.resume),
-            core=_core(options),
-            on_candidate=options.on_candidate,
-        )
+        found = searches.add_effect(dataset, given, kind, **_asked(options))
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
     return SearchResult.of(found, data=Dataset.of(dataset), own=own)

@@ -5,9 +5,8 @@ import pytest
 
 import rdpi_gym as rg
 from benchmarks.paper import paper_cases
-from benchmarks.paper.cases import SWEEP_LABEL
+from benchmarks.paper.claims import SWEEP_LABEL, judge
 from benchmarks.paper.tracking import track
-from benchmarks.paper.verdicts import judge
 
 mpl.use("Agg")
 

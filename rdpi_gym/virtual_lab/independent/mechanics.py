@@ -37,7 +37,7 @@ def _vibrate(force: Array, step: float, w: float, damping: float, state: Array) 
             v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
         last = force[k]
         out[k] = x
-    state[:] = (last, x, v)
+    state[0], state[1], state[2] = last, x, v
     return out
 
 

@@ -57,7 +57,7 @@ def _deform(
             strain = weights[0] * u[k] + plays * (1.0 + growth * u[k] ** 2)
             out[k] = strain * (1.0 + square * strain)
         growth_before = growth_now
-    memory[:] = (last, rate, growth_before)
+    memory[0], memory[1], memory[2] = last, rate, growth_before
     return out
 
 
