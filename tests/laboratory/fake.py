@@ -7,14 +7,18 @@ import itertools
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from tempfile import mkdtemp
 from types import SimpleNamespace
 from unittest.mock import patch
 from urllib.parse import quote
 
 import numpy as np
 
+import rdpi_gym as rg
 from rdpi_gym.laboratory import actions, views
 from rdpi_gym.laboratory.server import Server, bind, in_thread
+from rdpi_gym.laboratory.session import Session, Step
+from rdpi_gym.laboratory.session_json import state_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.errors import InputError
 
@@ -61,29 +65,11 @@ CARDS = [
 ]  # fmt: skip
 
 
-def parameter(name, symbol, unit, value, **more):
-    """Make one parameter of an effect."""
-    known = {
-        "standard_error": 0.04 * abs(value),
-        "low": value / 50,
-        "high": value * 50,
-        "log": True,
-    }
-    return (
-        {"name": name, "symbol": symbol, "unit": unit, "value": value, "held": False} | known | more
-    )
-
-
 PREVIEW = {
     "columns": [{"source": n, "name": n, "unit": n[-3:-1]} for n in ("Time [ms]", "Command [mV]")] + [{"source": 2, "name": "column 2", "unit": ""}],
     "rows": [["0.0", "12", "0.3"], ["0.1", "14", "0.4"]], "separator": {"chosen": "", "found": "semicolon"},
     "chosen": {"t": "Time [ms]", "u": "Command [mV]", "y": 2}, "units": {"t": "ms", "u": "mV", "y": "µm"},
     "ts_s": None, "alike": ["worse"],
-}  # fmt: skip
-EFFECTS = {
-    "creep": ("Creep", [parameter("strength", "γ", "", 0.0153, low=0.0, high=0.1, log=False), parameter("time_constant_s", "τ", "s", 0.42)]),
-    "resonance": ("Resonance", [parameter("frequency_hz", "f₀", "Hz", 812.0), parameter("damping", "ζ", "", 0.021)]),
-    "delay": ("Delay", [parameter("delay_s", "τ", "s", 1.2e-4)]),
 }  # fmt: skip
 
 
@@ -196,20 +182,13 @@ class Laboratory:
         )
         for i in range(records):
             name = f"sine-{i:02d}"
-            (record, _) = self.measured(name)
-            t, u, y = record.t_s, record.u_V, record.y_um
-            self.state["records"].append({
-                "name": name, "file": f"{name}.csv", "role": roles[i % 3 if i < 30 else i % 6], "rows": t.size, "ts_s": 5e-5,
-                "duration_s": float(t[-1]), "u": [float(u.min()), float(u.max())], "y": [float(y.min()), float(y.max())],
-                "skip_s": 0.0, "masked_s": [], "thumbnail": {"u": u[:4000:50].tolist(), "y": y[:4000:50].tolist()},
-            })  # fmt: skip
+            record, _ = self.measured(name)
+            row = views.record_row(record, f"{name}.csv", {})
+            self.state["records"].append(row | {"role": roles[i % 3 if i < 30 else i % 6]})
         self.state["files"] = [
             {"name": r["file"], "bytes": 480_000, "problem": None, "row": None, "column": None}
             for r in self.state["records"]
         ]
-        self.state["settings"] = {
-            "cores": [{"key": "rdpi", "title": "Rate-dependent Prandtl-Ishlinskii"}, {"key": "preisach", "title": "Preisach"}],
-        }  # fmt: skip
         self.step("Base model", [])
         for effect in effects:
             self.add(effect)
@@ -218,35 +197,16 @@ class Laboratory:
     def step(self, label, effects, effect=None):
         state = self.state
         id_ = f"s{len(state['steps'])}"
-        have = [
-            {
-                "name": e,
-                "title": EFFECTS[e][0],
-                "form": None,
-                "parameters": [dict(p) for p in EFFECTS[e][1]],
-            }
-            for e in effects
-        ]
-        model = {
-            "core": "rdpi",
-            "core_title": "Rate-dependent Prandtl-Ishlinskii, 48 plays",
-            "core_parameters": [parameter("delta2_s", "δ2", "s", 1.5e-4)],
-            "effects": have,
-        }
-        state["steps"][id_] = {
-            "id": id_,
-            "parent": state["current"],
-            "label": label,
-            "effect": effect,
-            "errors": self.errors(effects),
-            "model": model,
-        }
+        plant = replace(rg.plants["P5"], effects=tuple(rg.effects[name]() for name in effects))
+        made = {"kind": "added", "effect": effect}
+        step = Step(id_, state["current"], label, made, plant, *self.errors(effects).values())
+        state["steps"][id_] = views.step_row(step, str)
         state["path"].append(id_)
         state["redo"] = []
         self.go(id_)
 
     def add(self, effect):
-        self.step(f"+ {EFFECTS[effect][0].lower()}", [*names_of(self.state), effect], effect)
+        self.step(f"+ {effect}", [*names_of(self.state), effect], effect)
 
     def go(self, step):
         state = self.state
@@ -281,7 +241,7 @@ class Laboratory:
         self.seen.append(("GET", f"/api/{name}", dict(asked)))
         if name == "preview":
             return PREVIEW | {"record": asked["file"].partition(".")[0]}
-        return EXAMPLES if name == "examples" else answer(lab, asked)
+        return answer(lab, asked)
 
     async def put_file(self, name, write):
         self.seen.append(("PUT", f"/api/files/{quote(name)}", None))
@@ -342,13 +302,6 @@ class Laboratory:
             each.stop()
 
 
-EXAMPLES = [
-    {"key": "stage", "title": "A slow stage", "text": "One effect is hidden. It shows in the holds.", "kind": "exercise", "records": 6, "samples": 120_000},
-    {"key": "fast", "title": "A scanner at its limits", "text": "Two effects are hidden; the second shows when the first is found.", "kind": "exercise", "records": 5, "samples": 90_000},
-    {"key": "picma", "title": "PICMA stack", "text": "Measured stack actuator, 0 to 100 V.", "kind": "measured", "records": 1, "samples": 100_000},
-]  # fmt: skip
-
-
 def names_of(state):
     """Effects of the present model."""
     step = state["steps"].get(state["current"])
@@ -357,15 +310,7 @@ def names_of(state):
 
 def empty_state():
     """Return the state of a session in which nothing has happened."""
-    quantities = {
-        "input": {"name": "voltage", "symbol": "u", "unit": "V"},
-        "output": {"name": "displacement", "symbol": "y", "unit": "µm"},
-    }
-    return {
-        "title": "", "session_folder": "rdpi-lab-2026-01-01-120000", "problem": None, "quantities": quantities, "files": [],
-        "records": [], "settings": {}, "noise_um": None, "steps": {}, "path": [], "redo": [], "current": None, "sentence": None,
-        "ranking": None, "job": None, "payoff": None,
-    }  # fmt: skip
+    return state_of(Session(Path(mkdtemp(prefix="rdpi-lab-"))), None, None, {})
 
 
 def payoff(step, reference):

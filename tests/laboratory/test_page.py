@@ -69,7 +69,7 @@ def steps(page):
 
 def test_what_to_do_first_stands_on_the_empty_page(opened):
     _, page = opened
-    page.get_by_test_id("example-stage").wait_for()
+    page.get_by_test_id("example-one-effect").wait_for()
     assert page.get_by_test_id("drop").is_visible()
     assert "Drop a CSV here" in page.get_by_test_id("drop").inner_text()
     assert not page.get_by_test_id("staircase").is_visible()
@@ -235,7 +235,7 @@ def test_a_stretch_is_left_out_by_dragging(begun):
 def test_a_dragged_parameter_asks_as_fast_as_answers_come_and_is_kept_at_the_end(begun):
     lab, page = begun
     page.get_by_test_id("add-creep").click()
-    slider = page.get_by_test_id("slider-creep-strength")
+    slider = page.get_by_test_id("slider-creep-gain_per_decade")
     slider.wait_for()
     moves = 30
     slider.evaluate(f"""(slider) => {{
@@ -243,14 +243,14 @@ def test_a_dragged_parameter_asks_as_fast_as_answers_come_and_is_kept_at_the_end
     }}""")
     until(
         page,
-        "document.querySelector('[data-testid=spread-creep-strength]').textContent.startsWith('error')",
+        "document.querySelector('[data-testid=spread-creep-gain_per_decade]').textContent.startsWith('error')",
     )
     slider.evaluate("(slider) => slider.dispatchEvent(new Event('change'))")
     until(page, "document.querySelectorAll('#staircase .step').length === 3")
     asked = [of for _, path, of in lab.seen if path == "/api/parameter"]
     assert len(asked) < moves / 3
     assert [of["commit"] for of in asked].count(True) == 1
-    assert asked[-1]["value"] == pytest.approx(0.1 * 229 / 1000)
+    assert asked[-1]["value"] == pytest.approx(0.045 * 229 / 1000)
 
 
 def test_a_refused_file_says_where(begun):

@@ -376,7 +376,6 @@ DEVIATIONS = {
 _NAMES = {64: "double", 32: "float", 31: "Q31"}
 _FOLLOWS = 1e-2
 _UNITS = {"controller": "the range of commands", "plant": "the stroke"}
-_BYTES = {"int32_t": 4, "uint32_t": 4, "int64_t": 8}
 
 
 def manual_text(
@@ -429,15 +428,11 @@ def manual_text(
 
 def state_bytes(source: Source, precision: int) -> tuple[int, int]:
     """Return the bytes of a state and of the parameters, as common compilers lay them out."""
-    fixed = source.fixed
-    if precision == 31 and fixed is not None:
-        memory = [(_BYTES[part.type], len(part.rest)) for part in fixed.memory]
-        parameters = [(_BYTES[part.type], len(part.values)) for part in fixed.tables]
-    else:
-        program = source.program
-        memory = [(precision // 8, len(part.rest)) for part in program.memory]
-        parameters = [(precision // 8, len(part.values)) for part in program.tables]
     real = 8 if precision == 64 else 4
+    bytes_of = {"rdpi_real": real, "int32_t": 4, "uint32_t": 4, "int64_t": 8}
+    own_form = source.fixed if precision == 31 and source.fixed is not None else source.program
+    memory = [(bytes_of[part.type], len(part.rest)) for part in own_form.memory]
+    parameters = [(bytes_of[part.type], len(part.values)) for part in own_form.tables]
     inner, aligned = _laid_out(memory or [(1, 1)])
     if source.program.kind == "plant":
         outer, own = _laid_out([(aligned, inner // aligned), (real, 2), (1, 1)])
