@@ -22,7 +22,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 
 _RDPI = "rdpi"
-_TOLD = (
+_REPORTED = (
     "candidates", "chosen", "headline", "verdict", "sampling", "undecided", "remainder", "left",
     "next_experiment", "advice", "noise_floor", "noise_origin", "indistinguishable", "limits", "notes",
     "seconds", "base", "final",
@@ -56,7 +56,7 @@ def rank(
     )
     document = diagnosis.to_dict()
     portrait = diagnosis.portrait
-    return {key: document[key] for key in _TOLD} | {
+    return {key: document[key] for key in _REPORTED} | {
         "findings": [finding.sentence for finding in diagnosis.findings],
         "portrait_lines": [] if portrait is None else str(portrait).splitlines(),
         "lines": repr(diagnosis).splitlines(),
@@ -125,16 +125,16 @@ def warm_up() -> None:
     every = tuple(kind() for kind in face.effects.values())
     looked.refit(replace(model.plant, effects=every[-1:]))
     looked.respond(replace(model.plant, effects=in_chain_order(every)))
-    with suppress(_EnoughError):
-        face.diagnose(data, jobs=1, on_candidate=_enough)
+    with suppress(_EarlyStopError):
+        face.diagnose(data, jobs=1, on_candidate=_stop_early)
 
 
-class _EnoughError(Exception):
+class _EarlyStopError(Exception):
     """Ends a search that has shown its beginning."""
 
 
-def _enough(refit: face.Refit) -> None:
-    raise _EnoughError
+def _stop_early(refit: face.Refit) -> None:
+    raise _EarlyStopError
 
 
 def _small() -> face.Dataset:

@@ -164,12 +164,10 @@ class Session:
         self.redo: list[str] = []  # undone steps, the next one first
         self.rankings: dict[str, Ranking] = {}  # this and the next two by step
         self.payoffs: dict[str, dict[str, Any]] = {}
-        self.said: dict[
-            str, dict[str, Any]
-        ] = {}  # `sentence` on the residual, and `noise_um` (µm rms)
-        self.files: dict[
-            str, dict[str, Any]
-        ] = {}  # `problem`, `row`, `column`: None where it was read
+        # `sentence` on the residual, and `noise_um` (µm rms)
+        self.said: dict[str, dict[str, Any]] = {}
+        # `problem`, `row`, `column`: None where it was read
+        self.files: dict[str, dict[str, Any]] = {}
         self._data: face.Dataset | None = None
         self._is_read = False
         self._count = 0

@@ -53,7 +53,7 @@ async def begun(lab, count):
 def play(tmp_path, monkeypatch):
     """Run a scene in a laboratory whose base model and creep are refitted."""
     monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
-    monkeypatch.setattr(Lab, "_say", lambda self, step: None)
+    monkeypatch.setattr(Lab, "_describe", lambda self, step: None)
 
     def run(scene):
         async def played():

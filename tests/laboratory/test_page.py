@@ -75,15 +75,6 @@ def test_what_to_do_first_stands_on_the_empty_page(opened):
     assert not page.get_by_test_id("staircase").is_visible()
 
 
-def test_a_file_is_sent_and_read(opened):
-    lab, page = opened
-    file = {"name": "a b.csv", "mimeType": "text/csv", "buffer": b"t,u,y\n0,1,2\n"}
-    page.get_by_test_id("files-input").set_input_files([file])
-    page.get_by_test_id("record-sine-00").wait_for()
-    sent = [(method, path) for method, path, _ in lab.seen if method in ("PUT", "POST")]
-    assert sent == [("PUT", "/api/files/a%20b.csv"), ("POST", "/api/open")]
-
-
 def test_cards_sort_themselves_as_errors_arrive(begun):
     lab, page = begun
     cards = [candidate(e, e.title(), "It.", None, state="waiting") for e in ("lag", "creep", "hum")]
@@ -253,18 +244,6 @@ def test_a_dragged_parameter_asks_as_fast_as_answers_come_and_is_kept_at_the_end
     assert asked[-1]["value"] == pytest.approx(0.045 * 229 / 1000)
 
 
-def test_a_refused_file_says_where(begun):
-    lab, page = begun
-    file = {"name": "bad.csv", "bytes": 3, "problem": "'x' is no number", "row": 17, "column": "y"}
-    lab.state["files"].append(file)
-    lab.push()
-    refused = page.get_by_test_id("refused-bad.csv")
-    refused.wait_for()
-    assert "row 17, column y" in refused.inner_text()
-    page.get_by_test_id("discard-bad.csv").click()
-    refused.wait_for(state="detached")
-
-
 def test_a_reference_is_drawn_with_the_arrow_keys(begun):
     lab, page = begun
     page.get_by_test_id("kind-drawn").check(force=True)
@@ -401,16 +380,17 @@ def test_what_is_dropped_anywhere_is_read_and_what_is_no_record_is_told(begun):
     lab, page = begun
     page.evaluate("""() => {
       const carried = new DataTransfer();
-      for (const name of ["README.md", "c.csv"]) carried.items.add(new File(["t,u,y"], name));
+      for (const name of ["README.md", "a b.csv"]) carried.items.add(new File(["t,u,y"], name));
       document.body.dispatchEvent(new DragEvent("drop", {dataTransfer: carried, bubbles: true}));
     }""")
     page.get_by_text("README.md is no record; give a CSV file").wait_for()
     sent = [(method, path) for method, path, _ in lab.seen if method in ("PUT", "POST")]
     assert sent == [
         ("PUT", "/api/files/README.md"),
-        ("PUT", "/api/files/c.csv"),
+        ("PUT", "/api/files/a%20b.csv"),
         ("POST", "/api/open"),
     ]
+    page.get_by_test_id("record-sine-00").wait_for()
 
 
 def test_a_dying_server_is_told_in_a_sentence_and_the_page_goes_on_when_it_is_back(begun):
