@@ -258,15 +258,11 @@ _GROWN = 1.1  # the direction in which another effect may be refitted
 
 def blank_records(bench: Bench) -> list[Record]:
     """Records of the commands; the displacement is a placeholder."""
-    found = []
-    for drive, start in zip(bench.experiment.drives, bench.starts_s(), strict=True):
-        u = drive.command_V
-        t = start + drive.ts_s * np.arange(u.size, dtype=np.float64)
-        kept = slice(drive.cut, None)
-        found.append(
-            Record(drive.name, t[kept], u[kept], u[kept], ts_s=drive.ts_s, role=drive.role)
-        )
-    return found
+    return [
+        Record(d.name, t, u, u, ts_s=d.ts_s, role=d.role)
+        for d, t in zip(bench.experiment.drives, bench.clocks_s(), strict=True)
+        for u in [d.command_V[d.cut :]]
+    ]
 
 
 def remaining_um(

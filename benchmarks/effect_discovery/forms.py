@@ -562,8 +562,3 @@ def draw_form(effect: str, rng: np.random.Generator) -> Form:
 def mechanism(form: Form, scale: Scale, seed: int, size: float) -> Mechanism:
     """Return a form of some size: the same seed gives the same effect, larger or smaller."""
     return Mechanism(form, form.draw(scale, np.random.default_rng(seed), size))
-
-
-def without(mechanisms: Sequence[Mechanism], effects: Sequence[str]) -> tuple[Mechanism, ...]:
-    """Return those that are none of some effects."""
-    return tuple(m for m in mechanisms if m.effect not in effects)

@@ -17,7 +17,6 @@ from benchmarks.effect_discovery.forms import (
     envelopes,
     weight_gain,
     wider_V,
-    without,
 )
 from benchmarks.effect_discovery.outsiders import BoucWen
 from benchmarks.effect_discovery.physics import (
@@ -114,13 +113,6 @@ def noise_of(plant: Foreign, samples: int, rng: np.random.Generator) -> Array:
     return np.asarray(lfilter([size], [1.0, -plant.colour], white))
 
 
-def decaying_history(
-    start_V: float, reach_V: float, ratio: float, turns: int
-) -> Sequence[float]:  # fmt: skip
-    """Commands at which a decaying motion about `start_V` turned."""
-    return [start_V + reach_V * (-ratio) ** k for k in range(turns)]
-
-
 PAUSE_S = 2.0
 """Between two records, on the clock of the experiment."""
 _PASSES = 2  # of a loop whose plant is answered by the last pass
@@ -147,6 +139,13 @@ class Bench:
             now += drive.duration_s + PAUSE_S
         return starts
 
+    def clocks_s(self) -> list[Array]:
+        """Clock at the recorded samples (s), by record."""
+        return [
+            start + d.ts_s * np.arange(d.cut, d.command_V.size, dtype=np.float64)
+            for d, start in zip(self.experiment.drives, self.starts_s(), strict=True)
+        ]
+
     def displacements(
         self, hidden: Sequence[Mechanism] | None = None, linear: bool = False
     ) -> list[Array]:
@@ -159,7 +158,7 @@ class Bench:
 
     def by_input(self) -> list[Array]:
         """Displacement without the effects that go by the clock (µm), by record."""
-        return self.displacements(without(self.hidden, TIMED))
+        return self.displacements([m for m in self.hidden if m.effect not in TIMED])
 
     def _displacement(
         self, drive: Drive, start_s: float, hidden: Sequence[Mechanism], linear: bool
@@ -183,7 +182,9 @@ class Bench:
         if past is not None:
             history = [float(u[0]) + turn for turn in past.numbers["turns_V"]]
         elif self.history_ratio:
-            history = decaying_history(float(u[0]), self.history_ratio * p.span_V, 0.4, 2)
+            # turns of a decaying motion about the first command
+            reach = self.history_ratio * p.span_V
+            history = [float(u[0]) + reach, float(u[0]) + reach * -0.4]
         low = high = u
         if "asymmetry" in changed:
             low, high = envelopes(changed["asymmetry"].numbers, u)
@@ -207,39 +208,27 @@ def close_loop(bench: Bench, noise_um: Sequence[Array]) -> Bench:
     The drives hold references. The loop is closed around the plays alone, sample by sample, and
     what the whole plant does besides comes in as a disturbance that the last pass has shown.
     """
-    plant, references = bench.plant, bench.experiment.drives
+    p, references = bench.plant, bench.experiment.drives
+    low, high = p.centre_V - 1.2 * p.span_V, p.centre_V + 1.2 * p.span_V
+    gain = 2.0 * np.pi * _BANDWIDTH / p.gain_um_V
     besides = [np.zeros(d.command_V.size) for d in references]
     found = bench
     for _ in range(_PASSES):
         drives = []
         for d, noise, other in zip(references, noise_um, besides, strict=True):
-            wish = plant.centre_V + _LOOP_SHARE * (d.command_V - plant.centre_V)
-            u = _loop(wish, plant, noise + other)
-            drives.append(replace(d, fine_V=held(u, d.parts)))
-        experiment = replace(bench.experiment, drives=tuple(drives))
-        found = replace(bench, experiment=experiment)
-        whole, alone = found.displacements(), _plays_alone(found)
-        besides = [w - a for w, a in zip(whole, alone, strict=True)]
+            wish = p.centre_V + _LOOP_SHARE * (d.command_V - p.centre_V)
+            u = integrated(
+                p.gain_um_V * wish, float(wish[0]), gain, low, high, p.a0_um_V, p.thresholds_V,
+                p.weights, noise + other,
+            )  # fmt: skip
+            drives.append(replace(d, fine_V=held(np.asarray(u), d.parts)))
+        found = replace(bench, experiment=replace(bench.experiment, drives=tuple(drives)))
+        commands = [d.command_V for d in drives]
+        alone = [
+            p.a0_um_V * u + plays_by_turning_points(u, p.thresholds_V, p.weights) for u in commands
+        ]
+        besides = [w - a for w, a in zip(found.displacements(), alone, strict=True)]
     return found
-
-
-def _plays_alone(bench: Bench) -> list[Array]:
-    p = bench.plant
-    return [
-        p.a0_um_V * d.command_V + plays_by_turning_points(d.command_V, p.thresholds_V, p.weights)
-        for d in bench.experiment.drives
-    ]
-
-
-def _loop(wish_V: Array, plant: Foreign, disturbance_um: Array) -> Array:
-    low, high = plant.centre_V - 1.2 * plant.span_V, plant.centre_V + 1.2 * plant.span_V
-    gain = 2.0 * np.pi * _BANDWIDTH / plant.gain_um_V
-    return np.asarray(
-        integrated(
-            plant.gain_um_V * wish_V, float(wish_V[0]), gain, low, high, plant.a0_um_V,
-            plant.thresholds_V, plant.weights, disturbance_um,
-        )
-    )  # fmt: skip
 
 
 # --- phenomena outside the catalogue ---
@@ -256,7 +245,7 @@ def _force(bench: Bench, rng: np.random.Generator) -> Displaced:
     hz = np.exp(rng.uniform(math.log(0.005 * fastest), math.log(fastest), 20))
     phases = rng.uniform(0.0, 2.0 * math.pi, hz.size)
     pushed = []
-    for y, t in zip(still, _clocks(bench), strict=True):
+    for y, t in zip(still, bench.clocks_s(), strict=True):
         force = sum(np.sin(2.0 * math.pi * f * t + p) for f, p in zip(hz, phases, strict=True))
         pushed.append(y + size * math.sqrt(2.0 / hz.size) * force)
     return pushed, still, {"rms_um": size, "low_hz": float(hz.min()), "high_hz": float(hz.max())}
@@ -267,7 +256,7 @@ def _second_input(bench: Bench, rng: np.random.Generator) -> Displaced:
     still = bench.displacements()
     size = bench.plant.noise_um * rng.uniform(6.0, 25.0)
     moved = []
-    for y, t in zip(still, _clocks(bench), strict=True):
+    for y, t in zip(still, bench.clocks_s(), strict=True):
         ends = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(8, 30))))
         levels = rng.uniform(-1.0, 1.0, ends.size + 1)
         moved.append(y + size * levels[np.searchsorted(ends, t)])
@@ -298,13 +287,6 @@ def _stick_slip(bench: Bench, rng: np.random.Generator) -> Displaced:
     slips = sticks * rng.uniform(0.1, 0.5)
     y = [np.asarray(stuck_and_slipped(x, sticks, slips)) for x in bench.displacements()]
     return y, y, {"sticks_um": sticks, "slips_um": slips}
-
-
-def _clocks(bench: Bench) -> list[Array]:
-    return [
-        start + d.ts_s * np.arange(d.cut, d.command_V.size, dtype=np.float64)
-        for d, start in zip(bench.experiment.drives, bench.starts_s(), strict=True)
-    ]
 
 
 def _of_commands(bench: Bench, respond: Callable[[Array], Array]) -> list[Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,6 @@ from benchmarks.paper.claims import (
 )
 from benchmarks.paper.stability import (
     Divergence,
-    Implementation,
     Limit,
     StaticRun,
     divergence,
@@ -61,7 +60,8 @@ class PaperResults:
     zeros_rad_s: dict[str, float]
     # two runs that differ in the last bits, by reading, at 50 Hz and Ts = 1e-4 s
     divergences: tuple[Divergence, ...]
-    implementations: tuple[Implementation, ...]  # readings on plants other than the literal model
+    # readings on plants other than the literal model, by plant
+    implementations: Mapping[str, Sequence[Tracking]]
     static_runs: tuple[StaticRun, ...] = ()  # Eq. 6 on plants without a rate, by their g.
 
     def find(self, label: str, reading: str, sine: Sine | None = None) -> Tracking:
@@ -163,7 +163,7 @@ def reproduce_paper(
             divergence(READINGS[name], section_iii(50.0, DIVERGENCE_TS_S))
             for name in ("literal", "low-passed", "given", "closed-form reference-rate/A")
         ),
-        tuple(implementations(realisations, seed)),
+        implementations(realisations, seed),
         static_runs(realisations, seed),
     )
 
@@ -277,7 +277,11 @@ def sweep_rows(results: PaperResults) -> pd.DataFrame:
 
 def implementation_rows(results: PaperResults) -> pd.DataFrame:
     """Return the errors on plants other than the literal model; the case names the plant."""
-    return _table(_tracked(x.plant, x.run, _spread(x.run)) for x in results.implementations)
+    return _table(
+        _tracked(plant, run, _spread(run))
+        for plant, runs in results.implementations.items()
+        for run in runs
+    )
 
 
 def _spread(run: Tracking) -> str:

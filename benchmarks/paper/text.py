@@ -26,7 +26,7 @@ from benchmarks.paper.claims import (
     section_iii,
 )
 from benchmarks.paper.run import DIVERGENCE_TS_S, PLANTS, SECTIONS, PaperResults
-from benchmarks.paper.stability import MARGIN, SLIDE_V_S, Implementation, identified_g
+from benchmarks.paper.stability import MARGIN, SLIDE_V_S, identified_g
 from benchmarks.paper.tracking import READINGS, Reading, Sine, Tracking
 from rdpi_gym.support import markdown, words
 from rdpi_gym.support.arrays import Array
@@ -171,22 +171,22 @@ While all plays slide, y = A u - S δ2 u̇ - c: raising the rate of the command 
 {table(head, rows)}"""
 
 
-def best_by_plant(results: PaperResults) -> dict[str, Implementation]:
+def best_by_plant(results: PaperResults) -> dict[str, str]:
     """Return the realisable reading with the smallest RMS error on each plant."""
-    plants = dict.fromkeys(x.plant for x in results.implementations)
     return {
-        plant: min(
-            (x for x in results.implementations if x.plant == plant),
-            key=lambda x: x.run.median_rms_error,
-        )
-        for plant in plants
+        plant: min(runs, key=lambda run: run.median_rms_error).reading.name
+        for plant, runs in results.implementations.items()
     }
 
 
 def implementation(results: PaperResults) -> str:
     """Write the section on plants other than the literal model, and on what to use instead."""
     best = best_by_plant(results)
-    found = {(x.plant, x.run.reading.name): x.run for x in results.implementations}
+    found = {
+        (plant, run.reading.name): run
+        for plant, runs in results.implementations.items()
+        for run in runs
+    }
 
     def medians(plant: str, reading: Reading) -> str:
         run = found[plant, reading.name]
@@ -198,7 +198,7 @@ def implementation(results: PaperResults) -> str:
         *(partial(medians, plant) for plant in best),
         lambda r: f"{number(found[next(iter(best)), r.name].jump_V, 2)} V",
     )
-    winners = "; ".join(f"{plant}: *{x.run.reading.name}*" for plant, x in best.items())
+    winners = "; ".join(f"{plant}: *{reading}*" for plant, reading in best.items())
     cut_offs = joined([f"{limiting_cutoff_hz(m):.0f} Hz for {p}" for p, m in PLANTS.items()])
     sine = SECTION_V
     return f"""## What an implementation meets, and what to use instead
@@ -462,7 +462,7 @@ def _verdict(results: PaperResults) -> str:
         for rate in ("reference-rate", "reference-rate/A")
     )
     uncompensated = results.find("Section V, no compensation", "none")
-    best = dict.fromkeys(x.run.reading.name for x in best_by_plant(results).values())
+    best = dict.fromkeys(best_by_plant(results).values())
     finest = {
         name: results.find(SWEEP_LABEL, name, sine) for name in ("literal", "reference-rate/A")
     }

@@ -81,7 +81,7 @@ def run_unit(unit: Unit) -> list[Row]:
         found = _run(unit)
     except Exception as error:  # a user's controller may raise anything; the others go on
         reason = f"{ERROR}: {one_line(f'{type(error).__name__}: {error}')}"
-        return [_row(unit, number) | _failed(reason) for number in unit.plants]
+        return [_row(unit, number) | {"failure": reason} for number in unit.plants]
     return [_row(unit, number) | found[number] for number in unit.plants]
 
 
@@ -97,7 +97,7 @@ def _run(unit: Unit) -> dict[int, Row]:
             )
         if timed > SLOWEST_US:
             reason = f"{SLOW}: {timed:.3g} µs a sample, at most {SLOWEST_US:g} are allowed"
-            slow = _failed(reason) | {"microseconds_per_sample": timed}
+            slow = {"failure": reason} | {"microseconds_per_sample": timed}
             rows |= {draw.number: slow for draw in lanes.draws}
             continue
         controller = _controller(unit, lanes)
@@ -141,7 +141,7 @@ def plant_scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, R
     """Return what is measured of each plant: means over its references, and why it failed."""
     numbers = np.array(lanes.numbers)
     every = [_lane(task, lanes, taken, b) for b in range(len(numbers))]
-    rows = {}
+    rows: dict[int, Row] = {}
     for draw in lanes.draws:
         own = [every[b] for b in np.flatnonzero(numbers == draw.number)]
         reasons = [
@@ -151,7 +151,7 @@ def plant_scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, R
         ]
         scored = [one for one, _ in own if one is not None]
         if len(scored) < len(own):
-            rows[draw.number] = _failed("; ".join(reasons))
+            rows[draw.number] = {"failure": "; ".join(reasons)}
             continue
         percent = [one.rmse_percent for one in scored]
         um = float(np.mean([one.rmse_um for one in scored]))
@@ -188,10 +188,6 @@ def _lane(task: StageTask, lanes: Lanes, taken: Recording, b: int) -> tuple[Any,
     if scored.saturated_percent > SATURATED_PERCENT:
         return scored, SATURATED
     return scored, ""
-
-
-def _failed(reason: str) -> Row:
-    return {"failure": reason}
 
 
 def _row(unit: Unit, number: int) -> Row:

@@ -7,7 +7,6 @@ import math
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from baselines import policy_of
-from benchmarks.rows import TASKS, TaskKey
+from benchmarks.rows import TASKS
 from benchmarks.stages.ranking import TaskScores
 from benchmarks.stages.run import SUITE_VERSION, TestSeed, run_tasks
 from benchmarks.tracking.controllers import code_fingerprint, is_learned
@@ -131,15 +130,24 @@ def read_submission(folder: Path) -> Submission:
         )
     rows, wanted = TASKS.open(folder).rows, len(entry.tasks) * entry.plants
     # of any number that the file says, no more are looked for than rows are there
-    missing = next((k for k in _keys(entry) if k not in rows), None)
+    label = TestSeed().label
+    missing = next(
+        (
+            (task, plant)
+            for task in entry.tasks
+            for plant in range(entry.plants)
+            if (entry.controller, task, label, plant) not in rows
+        ),
+        None,
+    )
     if missing is not None:
-        label, there = TestSeed().label, set(entry.tasks)
+        there = set(entry.tasks)
         found = sum(
             (name, draws) == (entry.controller, label) and task in there and plant < entry.plants
             for name, task, draws, plant in rows
         )
         raise InputError(
-            f"{folder} lacks {wanted - found} of {wanted} rows, the first that of task {missing[1]}, plant {missing[3]}; run its command again: {short(entry.command)}"
+            f"{folder} lacks {wanted - found} of {wanted} rows, the first that of task {missing[0]}, plant {missing[1]}; run its command again: {short(entry.command)}"
         )
     return entry
 
@@ -181,13 +189,6 @@ def score_submission(
         for row in outcome.rows
     ]
     return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
-
-
-def _keys(entry: Submission) -> Iterator[TaskKey]:
-    label = TestSeed().label
-    for task in entry.tasks:
-        for plant in range(entry.plants):
-            yield entry.controller, task, label, plant
 
 
 def _is_same(row: Row, stated: Row) -> bool:

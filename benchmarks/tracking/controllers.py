@@ -61,16 +61,6 @@ def read_policy(controller: str) -> Policy | StudentPolicy:
     return find_learned(policy_of(controller) or "")
 
 
-def trained_at_s(controller: str) -> float:
-    """Return the sampling time (s) of a learned controller's training: it runs at no other."""
-    return read_policy(controller).layout.ts_s
-
-
-def corrected_by(controller: str) -> str | None:
-    """Return the name of the baseline that a learned controller corrects; None where there is none."""
-    return read_policy(controller).baseline
-
-
 def policy_bytes(controller: str) -> bytes:
     """Return a policy's description, which holds a hash of its weights; nothing where it is none."""
     name = policy_of(controller) or ""

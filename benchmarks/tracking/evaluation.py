@@ -14,7 +14,7 @@ from baselines import FULL_PREVIEW
 from benchmarks.rows import TRACKING, Outcome
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.episode import tally
-from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
+from benchmarks.tracking.measured import MeasuredScores, score_measured
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import cases
 from rdpi_gym.support.arrays import Array
@@ -328,7 +328,7 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
             selection.controllers, plants[MEASURED_PLANT], selection.factories
         )
     else:
-        measured = no_scores(
+        measured = MeasuredScores(
             f"No scores on measured records: the plant {MEASURED_PLANT} is not among those scored."
         )
     return Evaluation(

@@ -113,11 +113,9 @@ def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantMod
     """Make what is scored: the bound alone is given the true plants, all others their belief."""
     if task.controller == FULL_PREVIEW:
         return FullPreviewInversion(truths, layout)
-    return make_controller(task.factory or task.controller, _belief(task), layout)
-
-
-def _belief(task: Task) -> PlantModel:
-    return task.stage.belief(task.controller)
+    return make_controller(
+        task.factory or task.controller, task.stage.belief(task.controller), layout
+    )
 
 
 def _scores(
@@ -159,7 +157,9 @@ def _row(task: Task, lane: Lane) -> Row:
     return {
         "controller": task.controller,
         "plant": task.stage.plant.name,
-        "belief": TRUE_PLANT if task.controller == FULL_PREVIEW else _belief(task).name,
+        "belief": TRUE_PLANT
+        if task.controller == FULL_PREVIEW
+        else task.stage.belief(task.controller).name,
         "reference": lane.case.reference,
         "frequency_hz": lane.case.frequency_hz,
         "ts_s": task.ts_s,

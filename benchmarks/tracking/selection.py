@@ -24,10 +24,9 @@ from baselines import (
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.controllers import (
     Made,
-    corrected_by,
     is_learned,
+    read_policy,
     shipped_policies,
-    trained_at_s,
 )
 from benchmarks.tracking.episode import one_line
 from benchmarks.tracking.stages import REFERENCES, SEEDS, Stage, make_stage
@@ -124,7 +123,7 @@ class Selection:
     def needed_core(self, controller: str) -> type[Core] | None:
         """Return the kind of hysteresis core that a controller needs in its belief; None: any."""
         if controller in self.trained_s and is_learned(controller):
-            return needed_core(corrected_by(controller) or "")
+            return needed_core(read_policy(controller).baseline or "")
         return needed_core(controller)
 
     def is_ranked(self, controller: str) -> bool:
@@ -193,7 +192,8 @@ def select(
         raise InputError(
             "nothing to score; give at least one controller, plant, reference and seed"
         )
-    trained = {name: trained_at_s(name) for name in own if is_learned(name)}
+    # a policy runs at the sampling time of its training alone
+    trained = {name: read_policy(name).layout.ts_s for name in own if is_learned(name)}
     trained |= {name: f.layout.ts_s for name, f in factories.items() if isinstance(f, Made)}
     stages = tuple(make_stage(model, times, believed) for model in models)
     if times is None:

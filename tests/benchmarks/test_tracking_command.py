@@ -139,21 +139,13 @@ class Raises(Broken):
     def predict(self, *arguments, **keywords):
         raise OSError("no\\nway")
 
-class Alone(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return np.zeros((len(observation), 1))
+def answering(answer):
+    return type("Answering", (Broken,), {"predict": lambda self, o, *_, **__: answer(len(o))})
 
-class Shape(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return np.zeros(3), None
-
-class NaN(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return np.full((len(observation), 1), np.nan), None
-
-class Words(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return ["up", "down"], None
+Alone = answering(lambda lanes: np.zeros((lanes, 1)))
+Shape = answering(lambda lanes: (np.zeros(3), None))
+NaN = answering(lambda lanes: (np.full((lanes, 1), np.nan), None))
+Words = answering(lambda lanes: (["up", "down"], None))
 
 class Later(Broken):
     def predict(self, observation, state=None, *arguments, **keywords):

@@ -31,30 +31,30 @@ from baselines import make_controller
 def static(belief, layout):
     return make_controller("classical-static", belief, layout)
 
-class Raises:
+class Counts:
     def __init__(self, belief, layout):
         pass
     def predict(self, observation, state=None, episode_start=None, deterministic=False):
         k = 0 if state is None else state
-        if k > 20:
+        return self.answer(len(observation), k > 20), k + 1
+
+class Raises(Counts):
+    def answer(self, lanes, later):
+        if later:
             raise RuntimeError("out of\\nideas; sorry")
-        return np.zeros((len(observation), 1)), k + 1
+        return np.zeros((lanes, 1))
 
-class NaN:
-    def __init__(self, belief, layout):
-        pass
-    def predict(self, observation, state=None, episode_start=None, deterministic=False):
-        k = 0 if state is None else state
-        return np.full((len(observation), 1), np.nan if k > 20 else 0.0, np.float32), k + 1
+class NaN(Counts):
+    def answer(self, lanes, later):
+        return np.full((lanes, 1), np.nan if later else 0.0, np.float32)
 
-class WrongShape(Raises):
-    def predict(self, observation, state=None, episode_start=None, deterministic=False):
-        k = 0 if state is None else state
-        return np.zeros((len(observation), 2 if k > 20 else 1)), k + 1
+class WrongShape(Counts):
+    def answer(self, lanes, later):
+        return np.zeros((lanes, 2 if later else 1))
 
-class Beyond(Raises):
-    def predict(self, observation, state=None, episode_start=None, deterministic=False):
-        return np.full((len(observation), 1), 3.0), None
+class Beyond(Counts):
+    def answer(self, lanes, later):
+        return np.full((lanes, 1), 3.0)
 """
 
 
