@@ -471,6 +471,5 @@ def _fixed(program: Program) -> tuple[FixedPoint | None, str | None]:
 def _found_anywhere(controller: str) -> str:
     """Return a controller's name, the folder of a policy written from the root."""
     prefix, sign, folder = controller.rpartition(":")
-    return (
-        f"{prefix}{sign}{Path(folder).absolute()}" if sign and Path(folder).is_dir() else controller
-    )
+    is_folder = sign and Path(folder).is_dir()
+    return f"{prefix}{sign}{Path(folder).absolute()}" if is_folder else controller
