@@ -45,7 +45,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store."""
+        """Name of the case in the store."""
         return f"{self.plant.key}/{'+'.join(self.given)}"
 
 
@@ -73,10 +73,10 @@ def run_case(case: Case, code: str) -> Row:
     asked = () if before.advice is None else before.advice.records
     more = tuple(name for name in asked if name not in case.given)
     row |= {"status": "done", "advice": before.next_experiment, "made": list(more)}
-    row |= {"before": _told(before), "after": None}
+    row |= {"before": _effects_of(before), "after": None}
     if more:
         after = discover(_part(whole, (*case.given, *more)), seed=case.plant.seed)
-        row["after"] = _told(after)
+        row["after"] = _effects_of(after)
     return row | {"seconds": time.process_time() - began}
 
 
@@ -84,7 +84,7 @@ def _part(whole: Dataset, names: Sequence[str]) -> Dataset:
     return replace(whole, records=tuple(r for r in whole.records if r.name in names))
 
 
-def _told(found: SearchResult) -> dict[str, list[str]]:
+def _effects_of(found: SearchResult) -> dict[str, list[str]]:
     assert found.probabilities is not None
     return {
         "probable": list(found.probabilities.probable), "added": [c.effect for c in found.added],

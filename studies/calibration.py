@@ -64,12 +64,12 @@ KINDS = {
     "other": "something outside the catalogue",
     "none": "no missing effect",
 }
-"""What is asked of each probability, by its name in the tables."""
+"""Events of the probabilities, by their names in the tables."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a row of a study says of one candidate."""
+class Candidate:
+    """Candidate in a row of a study."""
 
     effect: str
     share: float
@@ -93,7 +93,7 @@ class Known:
         """Read a row of either study."""
         truth: Mapping[str, Any] = row["truth"]
         floor_um = math.hypot(row["floor_um"], row.get("numerical_floor_um") or 0.0)
-        steps, ranking = (tuple(map(_told, row[key])) for key in ("steps", "ranking"))
+        steps, ranking = (tuple(map(_candidate, row[key])) for key in ("steps", "ranking"))
         course = Course(row["base_um"], row["validation_um"], floor_um, steps, ranking)
         outside = row["study"] == "outside"
         hidden = frozenset() if outside else frozenset(h["effect"] for h in truth["hidden"])
@@ -127,9 +127,9 @@ class Known:
 KIN: Mapping[str, Collection[str]] = kin_of(CATALOGUE)
 
 
-def _told(candidate: Mapping[str, Any]) -> Told:
+def _candidate(candidate: Mapping[str, Any]) -> Candidate:
     share = candidate["share"]
-    return Told(
+    return Candidate(
         candidate["effect"], -math.inf if share is None else share, candidate["confidence"],
         tuple(candidate["indistinguishable"]),
     )  # fmt: skip

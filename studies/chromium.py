@@ -21,7 +21,7 @@ from PIL import Image
 from rdpi_gym.support.errors import InputError
 
 COLOURS = 128
-"""Of a small picture: those that fill most of it, as they are; all others go to the nearest."""
+"""Colours of a small picture: those that fill most of it; all others go to the nearest."""
 
 
 def small_png(picture: bytes) -> bytes:
@@ -212,7 +212,7 @@ class LabPage:
             f"document.querySelectorAll('#staircase .step:not(.later)').length === {count}"
         )
 
-    def until_told(self, of_state: str) -> float:
+    def until_state(self, of_state: str) -> float:
         """Wait until something is true of the state ``s`` that the server tells."""
         return self.until(
             f"fetch('/api/state', {{headers: {{Authorization: {_BEARER}}}}}).then(r => r.json())"
@@ -222,14 +222,14 @@ class LabPage:
 
     def until_tried(self) -> float:
         """Wait until every candidate of the present step was tried, and return for how long (s)."""
-        return self.until_told(
+        return self.until_state(
             "s.ranking && s.ranking.step === s.current && s.ranking.cards.length > 0 && "
             "s.ranking.cards.every(c => ['tried', 'failed', 'final'].includes(c.state))"
         )
 
     def until_ranked(self) -> float:
         """Wait until the ranking of the present step has ended, and return for how long (s)."""
-        return self.until_told(
+        return self.until_state(
             "s.ranking && s.ranking.step === s.current && s.ranking.status === 'done' && !s.job"
         )
 

@@ -4,8 +4,9 @@
     python -m studies.discovery_cost --oversampled 4000000
 
 Two effects (creep and delay) are hidden by ``rdpi simulate``; they are discovered in a process of its
-own with two workers, compiled code in the cache; the time of computing is that of one process. Memory is the largest resident set of the
-main process plus that of the largest worker for each worker: no less than what was held at once.
+own with two workers, compiled code in the cache; the time of computing is that of one process. Memory
+is the largest resident set of the main process plus that of the largest worker for each worker: no less
+than what was held at once.
 
 With ``--oversampled N``, one row of a table of its own: three records of N samples together, sampled
 far finer than their commands need, as a recorder that streams makes them; one process.
@@ -21,22 +22,31 @@ import sys
 import tempfile
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from rdpi_gym.cli import main as rdpi
+from rdpi_gym.measurement import Record, load
+from rdpi_gym.measurement.writing import write_csv
+from rdpi_gym.plant import P10, Plant
+from rdpi_gym.plant.effects.creep import Creep
+from rdpi_gym.plant.effects.sensor_lag import SensorLag
 from rdpi_gym.support.markdown import frame_table
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "discovery_cost"
 HIDDEN = ("creep", "delay")
-# Rivals that are added to the hidden effects, in the order of the catalogue's chain.
-OTHERS = (
-    "sensor_lag", "asymmetry", "thermal_drift", "saturation", "gain_drift", "rate_law", "backlash",
-    "congruency", "actuator_lag", "initial_memory", "resonance", "slew_limit", "mains_hum",
+# The hidden effects, then rivals in the order of the catalogue's chain.
+CANDIDATES = (
+    *HIDDEN, "sensor_lag", "asymmetry", "thermal_drift", "saturation", "gain_drift", "rate_law",
+    "backlash", "congruency", "actuator_lag", "initial_memory", "resonance", "slew_limit", "mains_hum",
 )  # fmt: skip
+CELLS = ((2.0, 15), (1.0, 15), (0.5, 15), (1.0, 3), (1.0, 8))
+"""Factor of the sampling time, and number of candidates."""
 _JOBS = 2
 # Lowest and highest frequency (Hz) of the commands of oversampled records.
 _BANDS = {"slow": (0.15, 5.0), "wide": (1.0, 200.0), "validation": (0.4, 120.0)}
@@ -53,18 +63,17 @@ seconds = time.perf_counter() - began
 owners = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
 own, worker = (resource.getrusage(owner).ru_maxrss / 1024 for owner in owners)
 print("COST " + json.dumps({
-    "seconds": seconds,
-    "cpu_s": sum(resource.getrusage(resource.RUSAGE_SELF)[:2]),
-    "main_mib": own,
-    "worker_mib": worker,
     "found": "+".join(sorted(c.effect for c in found.added)),
     "verdict": found.verdict,
+    "seconds": seconds,
+    "cpu_s": sum(resource.getrusage(resource.RUSAGE_SELF)[:2]),
+    "memory_mib": own + (jobs > 1) * jobs * worker,
 }))
 """
 
 
 def cost(data: Path, candidates: Sequence[str], jobs: int) -> dict[str, Any]:
-    """Discover what is hidden in a process of its own and return what it cost."""
+    """Discover the hidden effects in a process of its own; return the result and its cost."""
     threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
     done = subprocess.run(
         [sys.executable, "-c", _RUN, str(data), str(jobs), ",".join(candidates)],
@@ -80,40 +89,30 @@ def cost(data: Path, candidates: Sequence[str], jobs: int) -> dict[str, Any]:
     return found
 
 
+def simulate(folder: Path, ts_factor: float) -> Path:
+    """Write a data set with hidden effects, as ``rdpi simulate`` does; return its folder."""
+    arguments = ["simulate", "--hide", ",".join(HIDDEN), "--ts-factor", str(ts_factor)]
+    if not folder.exists() and rdpi([*arguments, "--out", str(folder)]):
+        raise RuntimeError(f"rdpi {' '.join(arguments)} failed")
+    return folder / "data"
+
+
 def measure(folder: Path, ts_factor: float, candidates: int, repeats: int) -> dict[str, Any]:
-    """Discover what is hidden in one data set and return a row of the table."""
-    data = folder / f"data-{ts_factor:g}"
-    if not data.exists():
-        simulate(data, ",".join(HIDDEN), ts_factor)
-    names = [*HIDDEN, *OTHERS][:candidates]
-    costs = [cost(data / "data", names, _JOBS) for _ in range(repeats)]
-    alone = cost(data / "data", names, 1)
+    """Return the fastest of some discoveries, the computing time of one process, the most memory."""
+    data = simulate(folder / f"data-{ts_factor:g}", ts_factor)
+    names = CANDIDATES[:candidates]
+    costs = [cost(data, names, _JOBS) for _ in range(repeats)]
     best = min(costs, key=lambda c: float(c["seconds"]))
     return {
         "ts_factor": ts_factor,
-        "training_samples": _training_samples(data / "data"),
+        "training_samples": sum(int(record.error_mask.sum()) for record in load(data).train),
         "candidates": candidates,
         "found": best["found"],
         "verdict": best["verdict"],
         "seconds": round(best["seconds"], 2),
-        "cpu_s": round(alone["cpu_s"], 2),
-        "memory_mib": round(max(c["main_mib"] + _JOBS * c["worker_mib"] for c in costs)),
+        "cpu_s": round(cost(data, names, 1)["cpu_s"], 2),
+        "memory_mib": round(max(c["memory_mib"] for c in costs)),
     }
-
-
-def simulate(folder: Path, hidden: str, ts_factor: float) -> None:
-    """Write a data set with hidden effects, as ``rdpi simulate`` does."""
-    from rdpi_gym.cli import main as rdpi
-
-    arguments = ["simulate", "--hide", hidden, "--ts-factor", str(ts_factor), "--out", str(folder)]
-    if rdpi(arguments):
-        raise RuntimeError(f"rdpi {' '.join(arguments)} failed")
-
-
-def _training_samples(data: Path) -> int:
-    from rdpi_gym.measurement import load
-
-    return sum(int(record.error_mask.sum()) for record in load(data).train)
 
 
 def exponent(rows: pd.DataFrame, over: str) -> float:
@@ -121,21 +120,13 @@ def exponent(rows: pd.DataFrame, over: str) -> float:
     return float(np.polyfit(np.log(rows[over]), np.log(rows["cpu_s"]), 1)[0])
 
 
-def oversample(folder: Path, samples: int) -> None:
+def oversample(folder: Path, samples: int) -> Path:
     """Write three records of P10 with creep and a sensor lag, 100,000 samples a second."""
-    from dataclasses import replace
-
-    from rdpi_gym.measurement import Record
-    from rdpi_gym.measurement.writing import write_csv
-    from rdpi_gym.plant import Plant, named_plant
-    from rdpi_gym.plant.effects.creep import Creep
-    from rdpi_gym.plant.effects.sensor_lag import SensorLag
-
     folder.mkdir(parents=True)
     rng = np.random.default_rng(0)
     t = np.arange(samples // 3, dtype=np.float64) * 1e-5
     effects = (Creep(gain_per_decade=0.02), SensorLag(time_constant_s=1.5e-4))
-    plant = Plant(replace(named_plant("P10"), effects=effects), 1e-5)
+    plant = Plant(replace(P10, effects=effects), 1e-5)
     for name, (low_hz, high_hz) in _BANDS.items():
         u = np.zeros(t.size)
         for f in np.geomspace(low_hz, high_hz, 12):
@@ -145,64 +136,48 @@ def oversample(folder: Path, samples: int) -> None:
         plant.reset()
         y = np.asarray(plant.simulate(u) + rng.normal(0.0, 0.012, t.size))
         write_csv(Record(name, t, u, y, ts_s=1e-5), folder / f"{name}.csv")
+    return folder
 
 
-def _measure_oversampled(samples: int) -> Files:
+def _table(rows: Sequence[dict[str, Any]]) -> str:
+    return frame_table(pd.DataFrame(rows), digits=None, rule="plain")
+
+
+def _files(chosen: Namespace) -> Files:
+    python = f"Python {platform.python_version()}"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        simulate(folder / "warm", "creep", 2.0)
-        cost(folder / "warm" / "data", HIDDEN, 1)
-        oversample(folder / "data", samples)
-        found = cost(folder / "data", [*HIDDEN, *OTHERS], 1)
-    row = {
-        "samples": samples,
-        "candidates": len(HIDDEN) + len(OTHERS),
-        "found": found["found"],
-        "verdict": found["verdict"],
-        "seconds": round(found["seconds"], 1),
-        "cpu_s": round(found["cpu_s"], 1),
-        "memory_mib": round(found["main_mib"]),
-    }
-    text = (
-        "# Time and memory of `rdpi discover` on oversampled records\n\n"
-        f"Made by `python -m studies.discovery_cost --oversampled {samples}` (Python "
-        f"{platform.python_version()}, one process), hidden: creep and sensor_lag; reading the "
-        "files is part of it.\n\n"
-        + frame_table(pd.DataFrame([row]), digits=None, rule="plain")
-        + "\n"
-    )
-    return {"oversampled.md": text}
-
-
-def _measure_all(chosen: Namespace) -> Files:
-    if chosen.oversampled:
-        return _measure_oversampled(chosen.oversampled)
-    every = len(HIDDEN) + len(OTHERS)
-    cells = [(2.0, every), (1.0, every), (0.5, every), (1.0, 3), (1.0, 8)]
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        simulate(folder / "warm", "creep", 2.0)
-        cost(folder / "warm" / "data", HIDDEN, _JOBS)
+        cost(simulate(folder / "warm", 2.0), HIDDEN, _JOBS)
+        if chosen.oversampled:
+            found = cost(oversample(folder / "data", chosen.oversampled), CANDIDATES, 1)
+            row = {"samples": chosen.oversampled, "candidates": len(CANDIDATES)} | found
+            row |= {name: round(found[name], 1) for name in ("seconds", "cpu_s")}
+            row["memory_mib"] = round(found["memory_mib"])
+            text = (
+                "# Time and memory of `rdpi discover` on oversampled records\n\n"
+                f"Made by `python -m studies.discovery_cost --oversampled {chosen.oversampled}` ({python}, one "
+                "process), hidden: creep and sensor_lag; reading the files is part of it.\n\n"
+            )
+            return {"oversampled.md": f"{text}{_table([row])}\n"}
         rows = []
-        for ts_factor, candidates in cells:
-            rows.append(measure(folder, ts_factor, candidates, chosen.repeats))
+        for cell in CELLS:
+            rows.append(measure(folder, *cell, chosen.repeats))
             print(rows[-1], flush=True)
     table = pd.DataFrame(rows)
-    over_samples = exponent(table[table["candidates"] == every], "training_samples")
+    over_samples = exponent(table[table["candidates"] == len(CANDIDATES)], "training_samples")
     over_candidates = exponent(table[table["ts_factor"] == 1.0], "candidates")
     text = (
         "# Time and memory of `rdpi discover`\n\n"
-        f"Made by `python -m studies.discovery_cost` (Python {platform.python_version()}, "
-        f"{os.cpu_count()} cores, {_JOBS} processes), hidden: {' and '.join(HIDDEN)}, seed 0.\n\n"
-        + frame_table(table, digits=None, rule="plain")
-        + f"\n\nComputing time grows with samples to the power {over_samples:.2f} and with "
-        f"candidates to the power {over_candidates:.2f}.\n"
+        f"Made by `python -m studies.discovery_cost` ({python}, {os.cpu_count()} cores, {_JOBS} processes), hidden: "
+        f"{' and '.join(HIDDEN)}, seed 0.\n\n{_table(rows)}\n\n"
+        f"Computing time grows with samples to the power {over_samples:.2f} and with candidates to the power "
+        f"{over_candidates:.2f}.\n"
     )
     return {"discovery_cost.csv": table, "discovery_cost.md": text}
 
 
 main = Study(
-    "discovery_cost", __doc__, _measure_all, RESULTS,
+    "discovery_cost", __doc__, _files, RESULTS,
     numbers=(
         ("--repeats", 2, "of each measurement"),
         ("--oversampled", None, "samples of three oversampled records, and nothing else"),

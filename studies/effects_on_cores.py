@@ -1,4 +1,4 @@
-"""Whether the search is right on hysteresis of any kind: `python -m studies.effects_on_cores --seed 1`.
+"""Results of the search on hysteresis of any kind: `python -m studies.effects_on_cores --seed 1`.
 
 Plants of every kind, bare or with one effect, move through loops, a chirp and, held out, loops within
 loops. The effects are those of the second study of hidden effects: in forms that the catalogue does
@@ -42,7 +42,7 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
-from rdpi_gym.virtual_lab.dataset import CoreDeformation
+from rdpi_gym.virtual_lab.dataset import core_deformation
 from studies.kind_choice import draw_core
 from studies.runner import Files, Study, study_rows
 
@@ -68,7 +68,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store."""
+        """Name of the case in the store."""
         return (
             f"{self.kind}/{'one effect' if self.hides else 'none'}/{self.number}/seed {self.seed}"
         )
@@ -95,7 +95,7 @@ def drawn(case: Case) -> tuple[Core, Mechanism | None, Dataset]:
         hidden = None
         if case.hides:
             form = AROUND[int(rng.integers(len(AROUND)))]
-            hidden = _shown(core, drives, bare, form, noise_um, rng)
+            hidden = _visible_effect(core, drives, bare, form, noise_um, rng)
             if hidden is None:
                 continue
         records = []
@@ -135,7 +135,7 @@ def _displacements(core: Core, drives: dict[str, Array], hidden: Mechanism | Non
         step_s = _TS_S / _PARTS
         at = Grid(begins + step_s * np.arange(u.size, dtype=np.float64), step_s)
         x = _passed(hidden, u, at) if hidden is not None and hidden.form.place < CORE else u
-        x = CoreDeformation(core, step_s, _PARTS)(x)
+        x = core_deformation(core, step_s, _PARTS)(x)
         x = _passed(hidden, x, at) if hidden is not None and hidden.form.place > CORE else x
         found.append(x[::_PARTS])
     return found
@@ -146,7 +146,7 @@ def _passed(hidden: Mechanism, x: Array, at: Grid) -> Array:
     return hidden.form.apply(x, at, hidden.numbers)
 
 
-def _shown(
+def _visible_effect(
     core: Core,
     drives: dict[str, Array],
     bare: Sequence[Array],

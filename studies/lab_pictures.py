@@ -60,7 +60,7 @@ def _exercise(browser: Any, session: Path, out: Path) -> None:
         _keep(page, out / "6-the-noise.png")
         page.click("kind-triangle")
         page.click("simulate")
-        page.until_told("s.payoff")
+        page.until_state("s.payoff")
         page.tab.get_by_test_id("payoff-result").scroll_into_view_if_needed()
         _keep(page, out / "8-what-it-buys.png")
         page.tab.mouse.wheel(0, -5000)

@@ -1,4 +1,4 @@
-"""What the laboratory finds on measured records: `python -m studies.measured_effects`.
+"""Findings of the laboratory on measured records: `python -m studies.measured_effects`.
 
 The PICMA stack (one frequency, validation with other amplitudes), as published and split in three
 other ways, and one axis of the CubeSpec fine steering mirror, whose two other inputs are recorded

@@ -57,7 +57,7 @@ class Session:
         if done.returncode != 0:
             said = done.stderr.strip().splitlines()[-1:] or [f"status {done.returncode}"]
             raise InputError(f"{command}: {said[0]}")
-        lines = [self._shown(line) for line in done.stdout.rstrip().splitlines()]
+        lines = [self._with_names(line) for line in done.stdout.rstrip().splitlines()]
         # of several empty lines one is enough
         lines = [line for k, line in enumerate(lines) if line or (k and lines[k - 1])]
         place = _list_of_records(lines)
@@ -67,7 +67,7 @@ class Session:
         self._listed.append(listed)
         return lines
 
-    def _shown(self, line: str) -> str:
+    def _with_names(self, line: str) -> str:
         for name, path in self._variables.items():
             line = line.replace(str(path), f"${name}")
         return line.rstrip()
@@ -146,7 +146,7 @@ def quoted(line: str, work: Path) -> str:
 
 
 def is_claim(line: str) -> bool:
-    """Whether a line of a template is a claim."""
+    """True if a line of a template is a claim."""
     return line.startswith("<!-- claim:")
 
 

@@ -1,4 +1,4 @@
-"""Speed of the vector environment, core kernels, trainings and generated C, each beside a yardstick.
+"""Speed of the vector environment, core kernels and trainings, each beside a yardstick.
 
     python -m studies.speed                 # every part
     python -m studies.speed vector core     # some of them
@@ -13,7 +13,6 @@ import dataclasses
 import os
 import platform
 import sys
-import tempfile
 import time
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
@@ -32,12 +31,7 @@ from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environment
 from baselines.learned.options import PHASES, TrainingOptions
-from baselines.registry import known_controller
-from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.firmware.compiling import STRICT, compiler, run
-from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import CORES, P10, pack
 from rdpi_gym.plant.cores.base import Core, empty_state
 from rdpi_gym.plant.cores.play import rdpi_block
@@ -45,9 +39,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command_line import Options
-from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
-from studies.bare_metal import HERE, write_sources
 from studies.runner import RESULTS, Files, Study, names_of
 
 YARDSTICK, PIEZO = "CartPole-v1", "rdpi_gym/PiezoTracking-v0"
@@ -327,8 +319,8 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     from baselines.learned.native_learner import NativeLearner
     from baselines.learned.native_ppo import NativePPO
     from baselines.learned.options import Run
+    from baselines.learned.options import TrainingOptions as Training
     from baselines.learned.stable_baselines import StableBaselinesLearner
-    from baselines.learned.training import Options as Training
 
     kind: Any = PPO if algorithm == "ppo" else NativePPO
     opened = Run.open(Training(action="increment", threads=threads), algorithm, kind)
@@ -350,62 +342,6 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     }
 
 
-CODE_TS_S, CODE_LIMIT_NS = 5e-5, 150
-"""Sampling time of generated code, and the longest step that is allowed for ten plays with PI."""
-CONTROLLERS = (
-    "classical-reference-rate", "inversion-free-reference-rate", "pi", "pi-classical-reference-rate",
-    "lqg-preview", "adaptive-feedforward",
-)  # fmt: skip
-_PRECISIONS = {64: "double", 32: "float", 31: "Q31"}
-_PYTHON_STEPS = 1000
-
-
-def firmware(rounds: int, names: Sequence[str] = CONTROLLERS) -> pd.DataFrame:
-    """Measure a step of generated C with ``predict`` of the controller in Python, on P10."""
-    rows = []
-    for name in names:
-        source = package_of(P10, CODE_TS_S, name).source
-        row: dict[str, Any] = {"controller": name}
-        with tempfile.TemporaryDirectory() as place:
-            write_sources(source, Path(place))
-            for precision, word in _PRECISIONS.items():
-                timed = precision in source.precisions
-                ns = _compiled_ns(Path(place), precision, rounds) if timed else np.nan
-                row[f"{word}_ns"] = ns
-        row["python_ns"] = _python_ns(name, rounds)
-        rows.append({**row, "times": row["python_ns"] / row["double_ns"]})
-    return pd.DataFrame(rows)
-
-
-def _compiled_ns(folder: Path, precision: int, rounds: int) -> float:
-    program = folder / f"speed{precision}"
-    sources = [str(HERE / "speed.c"), str(folder / "rdpi_controller.c")]
-    words = [*compiler(), *STRICT, f"-DRDPI_PRECISION={precision}", f"-I{folder}", *sources]
-    done = run([*words, "-o", str(program), "-lm"], folder)
-    if done.returncode:
-        raise InputError(f"the compiler refuses the code: {done.stderr.strip()[:300]}")
-    printed = run([str(program), str(rounds)], folder).stdout
-    return float(np.median([float(line) for line in printed.split()]))
-
-
-def _python_ns(name: str, rounds: int) -> float:
-    made, ahead = known_controller(name), 1
-    while True:
-        controller = made(P10, ObservationLayout.for_plant(P10, ts_s=CODE_TS_S, preview=ahead))
-        if controller.needed_preview <= ahead:
-            break
-        ahead = controller.needed_preview
-    rng = np.random.default_rng(0)
-    observations = rng.uniform(-0.5, 0.5, (_PYTHON_STEPS, controller.layout.size))
-    state, times = None, []
-    for _ in range(rounds + 1):
-        begin = time.process_time_ns()
-        for row in observations:
-            _, state = controller.predict(row, state)
-        times.append((time.process_time_ns() - begin) / _PYTHON_STEPS)
-    return float(np.median(times[1:]))  # the first compiles kernels
-
-
 def _slowest_core(table: pd.DataFrame) -> str:
     row = table.sort_values("block_ratio").iloc[0]
     return (
@@ -421,11 +357,6 @@ def _native_ppo(table: pd.DataFrame) -> str:
         f"{reference:,.0f}: {one / reference:.1f} times as many. On two threads it trains {two:,.0f} in a "
         "second of the process. On the clock it is as many times that as the process is given cores."
     )
-
-
-def _ten_plays(table: pd.DataFrame) -> str:
-    ns = table.set_index("controller")["double_ns"]["pi-classical-reference-rate"]
-    return f"Ten plays with PI take {ns:.0f} ns a step in double, {CODE_LIMIT_NS} allowed."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -474,14 +405,6 @@ PARTS: Mapping[str, Part] = {
         "with increments of the command, without evaluations and checkpoints; medians and bests over the rounds. A "
         "trained step is a sample of one lane that was used in the updates, `epochs` times. `steps_per_process_s` is "
         "over the seconds of the process, all threads together.",
-    ),
-    "firmware": Part(
-        firmware,
-        "Time of a step of generated code on a desktop",
-        _ten_plays,
-        f"{SAMPLES} vectors fifty times over, a step and its acknowledgement; plant P10, Ts {CODE_TS_S:g} s. Compiled "
-        f"with `{' '.join(['cc', *STRICT])}`. Python is `predict` of one lane, an observation at a time; `times`: steps "
-        "of C in double while Python does one. Nanoseconds of the processor, medians.",
     ),
 }  # fmt: skip
 

@@ -30,7 +30,7 @@ RESULTS = Path(__file__).parent / "results" / "agents"
 RUNS = Path("results/student-seeds")
 RIVAL = "adaptive-dual-loop"
 ALSO = {"Creep": ("Bare",)}
-"""On what else the students of a task are scored: none is taught on Bare, where Creep's are the best that ship."""
+"""Further tasks on which the students of a task are scored: none is taught on Bare, where Creep's are the best that ship."""
 COLUMNS = (
     "iqm_percent", "iqm_low", "iqm_high", "p90_percent", "failed", "command_variation_V_s"
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""How far trainings get in a minute on Stage, beside the best compensator there that is fixed.
+"""Trainings of a minute on Stage, beside the best compensator there that is fixed.
 
     python -m studies.training_race --seeds 5
 
@@ -34,7 +34,7 @@ import pandas as pd
 
 from baselines import GUARDED, LEARNED
 from benchmarks.stages.ranking import ranking
-from benchmarks.stages.unit import Unit, run_unit
+from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.envs.tasks.task import PUBLIC_SEED
 from rdpi_gym.support.command_line import Options
@@ -42,14 +42,15 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.words import number
-from studies.agents.tasks import read_rankings
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "training_race"
+TABLE = RESULTS.parent / "stages" / "tasks.csv"
+"""The ranking of every task, as ``rdpi bench --full`` leaves it."""
 RUNS = Path("results/training-race")
 TASK, GOAL_S = "Stage", 60.0
 ADAPTIVE = ("adaptive-", "hybrid", LEARNED, GUARDED)
-"""What the names of controllers that adapt or were learned begin with."""
+"""Beginnings of the names of controllers that adapt or were learned."""
 _FORMAT, _VERSION = "training-race", 1
 
 
@@ -128,6 +129,14 @@ ENTRANTS: Mapping[str, Callable[[Path, int], Path]] = {
     "imitation, 12 rounds": partial(imitation, 12),
 }
 """Trainings, each ``train(out, seed)``."""
+
+
+def read_rankings(path: Path = TABLE) -> pd.DataFrame:
+    """Return the rivals of every task, by rank: those that see the preview alone, without the bound."""
+    if not path.exists():
+        raise InputError(f"{path} is missing; run rdpi bench --full")
+    table = pd.read_csv(path)
+    return table[(table["sees"] == "preview") & (table["rank"] != "bound")]
 
 
 def best_fixed(rankings: pd.DataFrame) -> dict[str, Any]:

@@ -41,7 +41,6 @@ SECOND_TIER = (
     "firmware/test_bare_metal.py",  # other compilers, boards, packages
     "firmware/writing/test_fmu.py",
     "firmware/writing/test_package.py",
-    "plant/effects/test_new_effect.py",
     "test_contributing.py",  # a copy of the checkout
     "test_wheel.py",
 )

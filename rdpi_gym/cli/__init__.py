@@ -12,8 +12,8 @@ from rdpi_gym.support.command import run_command
 
 COMMANDS = {
     "bench": "bench",
-    "submit": "tasks",
-    "score": "tasks",
+    "submit": "bench",
+    "score": "bench",
     "reproduce": "bench",
     "fit": "models",
     "compare": "models",

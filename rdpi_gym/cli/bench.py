@@ -1,23 +1,13 @@
-"""`rdpi bench` and `rdpi reproduce`: scores of controllers, and the paper beside ours."""
+"""`rdpi bench`, `rdpi submit`, `rdpi score`, `rdpi reproduce`: scores of controllers, the paper beside ours."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import OutOption, SeedOption, words
+from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, words
 from rdpi_gym.cli.tables import print_table
-from rdpi_gym.cli.tasks import (
-    TASKS_HELP,
-    DrawsOption,
-    SeedFileOption,
-    print_scores,
-    refuse_failures,
-)
-from rdpi_gym.support.command_line import check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 
@@ -32,89 +22,72 @@ _LEGEND = (
     "includes zero. Status: rows with each warning."
 )
 
+_TASK_LEGEND = (
+    "RMSE in percent of the reference's peak to peak, a plant's mean over its references: 90th "
+    "percentile (p90) and mean of the middle half of the plants (IQM), each with its 95 % interval. "
+    "Failures decide first, then p90, then IQM; = marks a tie. Over noise: IQM in units of the "
+    "sensor's noise."
+)
+
 _SEEDS, _FULL = 5, 100
 
 
 def bench(
     out: OutOption = Path("results/bench"),
-    seeds: Annotated[
-        int, typer.Option("--seeds", min=1, help="Number of seeds; seed 0 is the nominal plant.")
-    ] = _SEEDS,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 0,
-    jobs: Annotated[
-        int,
-        typer.Option(
-            "--jobs", help="Worker processes; -1: one for each core.", callback=check_jobs
-        ),
-    ] = -1,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            "--ray",
-            metavar="ADDRESS",
-            help="Score on the nodes of a Ray cluster, host:port, in place of --jobs.",
-        ),
-    ] = None,
-    controllers: Annotated[
-        str | None,
-        typer.Option(
-            "--controllers", metavar="NAME,...", help="Controllers that ship; all by default."
-        ),
-    ] = None,
-    plants: Annotated[
-        str | None,
-        typer.Option("--plants", metavar="NAME,...", help="Plants; by default P5, P10 and picma."),
-    ] = None,
-    references: Annotated[
-        str | None,
-        typer.Option("--references", metavar="NAME,...", help="Reference signals; all by default."),
-    ] = None,
-    ts: Annotated[
-        str | None,
-        typer.Option("--ts", metavar="SECONDS,...", help="Sampling times; by default the plant's."),
-    ] = None,
-    controller: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--controller",
-            metavar="MODULE:ATTRIBUTE|NAME|learned:FOLDER",
-            help="A controller of your own, made by a callable (belief, layout), one that an installed "
-            "package names, or a trained policy, guarded:FOLDER with a monitor; may be repeated.",
-        ),
-    ] = None,
-    plant: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--plant",
-            metavar="FILE|MODULE:ATTRIBUTE",
-            help="A plant of your own: JSON file or PlantModel; may be repeated.",
-        ),
-    ] = None,
-    belief: Annotated[
-        str | None,
-        typer.Option(
-            "--belief",
-            metavar="FILE|NAME",
-            help="What controllers are told of the one plant that is scored, of any kind of hysteresis; "
-            "by default the plant itself.",
-        ),
-    ] = None,
-    task: Annotated[
-        str | None,
-        typer.Option("--task", metavar="NAME,...", help=f"In place of those: {TASKS_HELP}"),
-    ] = None,
-    full: Annotated[
-        bool,
-        typer.Option("--full", help="In place of those: every task, with 100 plants each."),
-    ] = False,
-    draws: DrawsOption = None,
-    seed_file: SeedFileOption = None,
+    seeds: int = _SEEDS,
+    seed: int = 0,
+    jobs: JobsOption = -1,
+    ray: str | None = None,
+    controllers: str | None = None,
+    plants: str | None = None,
+    references: str | None = None,
+    ts: str | None = None,
+    controller: list[str] | None = None,
+    plant: list[str] | None = None,
+    belief: str | None = None,
+    task: str | None = None,
+    full: bool = False,
+    draws: int | None = None,
+    seed_file: Path | None = None,
 ) -> None:
     """Rank controllers by their tracking error; an interrupted run continues.
 
     A run of all controllers, plants, references and sampling times also scores plants with hidden
     effects, by what is believed of them. With --task or --full the registered tasks are scored
     instead: stages with their own plants, references and protocol.
+
+    Parameters
+    ----------
+    seeds : 1 or more
+        Number of seeds; seed 0 is the nominal plant.
+    seed : 0 or more
+        The first of them.
+    ray : ADDRESS
+        Score on the nodes of a Ray cluster, host:port, in place of --jobs.
+    controllers : NAME,...
+        Controllers that ship; all by default.
+    plants : NAME,...
+        Plants; by default P5, P10 and picma.
+    references : NAME,...
+        Reference signals; all by default.
+    ts : SECONDS,...
+        Sampling times; by default the plant's.
+    controller : MODULE:ATTRIBUTE|NAME|learned:FOLDER
+        A controller of your own, made by a callable (belief, layout), one that an installed package
+        names, or a trained policy, guarded:FOLDER with a monitor; may be repeated.
+    plant : FILE|MODULE:ATTRIBUTE
+        A plant of your own: JSON file or PlantModel; may be repeated.
+    belief : FILE|NAME
+        What controllers are told of the one plant that is scored, of any kind of hysteresis; by
+        default the plant itself.
+    task : NAME,...
+        In place of those: Short names or ids of tasks, for example Stage,Load; all: every one.
+    full
+        In place of those: every task, with 100 plants each.
+    draws : 1 or more
+        Test plants of each task; 20 by default.
+    seed_file : FILE
+        A file with the seed of the test plants, one whole number; else the public seed.
     """
     own = controller or []
     if task is not None or full:
@@ -193,8 +166,29 @@ def _bench_tasks(
             ray=ray,
             progress=show,
         )
-    print_scores(scores, own, out)
-    refuse_failures(scores, own)
+    _print_scores(scores, own, out)
+    _refuse_failures(scores, own)
+
+
+def _print_scores(scores: rg.TaskScores, own: Sequence[str], out: Path) -> None:
+    """Print the first of each task, write all tables, and say where they are."""
+    page = scores.write(out)
+    print(scores.answer)
+    for task in scores.tasks:
+        print_table(scores.leaders(task, own), f"{task}: {scores.seen}")
+    print(_TASK_LEGEND)
+    print(f"{len(scores.rows)} rows, {scores.computed} of them computed now")
+    for note in scores.notes:
+        print(note)
+    print(f"tables: {page}")
+
+
+def _refuse_failures(scores: rg.TaskScores, own: Sequence[str]) -> None:
+    """End with an error where a controller that the user gave raised one on every plant."""
+    for name in own:
+        said = [str(row["failure"]) for row in scores.rows if row["controller"] == name]
+        if said and all(reason.startswith(("error", "too slow")) for reason in said):
+            raise InputError(f"{name} has no score on any plant; the first row says {said[0]!r}")
 
 
 def _refuse_errors(table: pd.DataFrame, own: Sequence[str]) -> None:
@@ -215,19 +209,65 @@ def _seconds(word: str) -> float:
         raise InputError(f"--ts {word!r} is no number; give seconds, for example 2e-4") from None
 
 
+def score(
+    folder: Path,
+    out: OutOption = Path("results/score"),
+    seed_file: Path | None = None,
+    jobs: JobsOption = -1,
+) -> None:
+    """Score a submission; with --seed-file on plants that nobody has seen.
+
+    Parameters
+    ----------
+    folder : FOLDER
+        As rdpi submit leaves it; its code is run.
+    seed_file : FILE
+        A file with the seed of the test plants, one whole number; else the public seed.
+    """
+    with progress_bar() as show:
+        scores = rg.score_submission(folder, seed_file=seed_file, out=out, jobs=jobs, progress=show)
+    _print_scores(scores, [], out)
+
+
+def submit(
+    controller: str,
+    out: OutOption = Path("results/submission"),
+    task: str = "Stage",
+    draws: int | None = None,
+    jobs: JobsOption = -1,
+) -> None:
+    """Score a controller on public plants, and put what a leaderboard needs into a folder.
+
+    Parameters
+    ----------
+    controller : NAME|MODULE:ATTRIBUTE|learned:FOLDER
+        A controller: one that ships, one of your own in a single file, or a trained policy.
+    task : NAME,...
+        Short names or ids of tasks, for example Stage,Load; all: every one.
+    draws : 1 or more
+        Test plants of each task; 20 by default.
+    """
+    given = {} if draws is None else {"plants": draws}
+    with progress_bar() as show:
+        scores = rg.submit(controller, out, words(task) or (), **given, jobs=jobs, progress=show)
+    _print_scores(scores, [controller], out)
+    print(f"submission: {out / 'submission.json'}")
+    _refuse_failures(scores, [controller])
+
+
 def reproduce(
     out: OutOption = Path("results/paper"),
     seed: SeedOption = 0,
-    realisations: Annotated[
-        int,
-        typer.Option(
-            min=2, help="Realisations of each compensator whose own rate may make it chatter."
-        ),
-    ] = 16,
+    realisations: int = 16,
 ) -> None:
     """Recompute the paper's figures and numbers, ours beside the paper's.
 
     Writes paper.md with its figures, paper.csv, sweep.csv and implementation.csv.
+
+    Parameters
+    ----------
+    realisations : 2 or more
+        Realisations of each compensator whose own rate may make it chatter.
     """
     with progress_bar() as show:
         results = rg.reproduce(seed=seed, realisations=realisations, progress=show)

@@ -3,42 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import typer
 from typer.core import TyperGroup
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import SeedOption, as_typed
+from rdpi_gym.cli.options import SeedOption, as_typed, expanded
 from rdpi_gym.support.command_line import check_folder
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.onnx_metadata import told
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.words import quoted
 
-ModelArgument: TypeAlias = Annotated[
-    str,
-    typer.Argument(metavar="MODEL", show_default=False, help="A plant file, or a plant's name."),
-]
-ControllerOption: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--controller",
-        metavar="NAME|learned:FOLDER",
-        help="A controller that believes in the plant; by default the plant itself is exported.",
-    ),
-]
-TsOption: TypeAlias = Annotated[
-    float, typer.Option("--ts", metavar="SECONDS", help="Sampling time (s).")
-]
-PreviewOption: TypeAlias = Annotated[
-    int | None,
-    typer.Option(
-        "--preview",
-        metavar="N",
-        help="Samples of the reference that a step is shown ahead; by default as many as are used.",
-    ),
-]
 _TYPED = {"ts_s": "--ts", "preview": "--preview", "belief": "--belief"}
 
 
@@ -62,80 +39,100 @@ def _export() -> None:
     """Write a trained policy as ONNX, or a plant or a controller as C or as an FMU."""
 
 
-@export.command(name="onnx")
-def export_onnx(
-    policy: Annotated[
-        str, typer.Argument(metavar="POLICY", show_default=False, help="Folder, or shipped name.")
-    ],
-    belief: Annotated[
-        str | None,
-        typer.Option(
-            "--belief",
-            metavar="NAME|FILE",
-            help="Of a student: what its controller knows of the plant; else what it was taught with.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE.onnx", help="File that is written.")
-    ] = Path("policy.onnx"),
-) -> None:
-    """Write a trained policy as an ONNX file: a network, or a student's whole controller as a step."""
+def export_onnx(policy: str, belief: str | None = None, out: Path = Path("policy.onnx")) -> None:
+    """Write a trained policy as an ONNX file: a network, or a student's whole controller as a step.
+
+    Parameters
+    ----------
+    policy : POLICY
+        Folder, or shipped name.
+    belief : NAME|FILE
+        Of a student: what its controller knows of the plant; else what it was taught with.
+    out : FILE.onnx
+        File that is written.
+    """
     check_folder(out.parent)
     with as_typed(_TYPED):
         written = rg.export(policy, out, belief=belief)
     print(told(written))
 
 
-@export.command(name="c")
 def export_c(
-    model: ModelArgument,
-    controller: ControllerOption = None,
-    ts: TsOption = 5e-5,
-    preview: PreviewOption = None,
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder that is written; an earlier export is replaced."
-        ),
-    ] = Path("firmware"),
+    model: str,
+    controller: str | None = None,
+    ts: float = 5e-5,
+    preview: int | None = None,
+    out: Path = Path("firmware"),
 ) -> None:
-    """Write a controller or a plant as C99, with vectors that test it, examples and a page to read."""
+    """Write a controller or a plant as C99, with vectors that test it, examples and a page to read.
+
+    Parameters
+    ----------
+    model : MODEL
+        A plant file, or a plant's name.
+    controller : NAME|learned:FOLDER
+        A controller that believes in the plant; by default the plant itself is exported.
+    ts : SECONDS
+        Sampling time (s).
+    preview : N
+        Samples of the reference that a step is shown ahead; by default as many as are used.
+    out : DIR
+        Folder that is written; an earlier export is replaced.
+    """
     check_folder(out)
     with as_typed(_TYPED):
         done = rg.export_c(model, out, controller=controller, ts_s=ts, preview=preview)
     print(done)
 
 
-@export.command(name="fmu")
 def export_fmu(
-    model: ModelArgument,
-    controller: ControllerOption = None,
-    ts: TsOption = 5e-5,
-    preview: PreviewOption = None,
-    fmi: Annotated[Literal["2", "3"], typer.Option("--fmi", help="Version of the standard.")] = "3",
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE.fmu", help="File that is written.")
-    ] = Path("stage.fmu"),
+    model: str,
+    controller: str | None = None,
+    ts: float = 5e-5,
+    preview: int | None = None,
+    fmi: Literal["2", "3"] = "3",
+    out: Path = Path("stage.fmu"),
 ) -> None:
-    """Write a plant or a controller as an FMU for co-simulation, with no Python inside."""
+    """Write a plant or a controller as an FMU for co-simulation, with no Python inside.
+
+    Parameters
+    ----------
+    model : MODEL
+        A plant file, or a plant's name.
+    controller : NAME|learned:FOLDER
+        A controller that believes in the plant; by default the plant itself is exported.
+    ts : SECONDS
+        Sampling time (s).
+    preview : N
+        Samples of the reference that a step is shown ahead; by default as many as are used.
+    fmi
+        Version of the standard.
+    out : FILE.fmu
+        File that is written.
+    """
     check_folder(out.parent)
     with as_typed(_TYPED):
         done = rg.export_fmu(model, out, controller=controller, ts_s=ts, preview=preview, fmi=fmi)
     print(done)
 
 
-def verify(
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FOLDER", show_default=False, help="What rdpi export c wrote. Its code is run."
-        ),
-    ],
-    records: Annotated[int, typer.Option("--records", min=1, help="Random records.")] = 1000,
-    samples: Annotated[int, typer.Option("--samples", min=1, help="Samples of each.")] = 1000,
-    seed: SeedOption = 0,
-) -> None:
-    """Compile an exported folder, run its vectors and random records, and compare with Python."""
+export.command(name="onnx")(expanded(export_onnx))
+export.command(name="c")(expanded(export_c))
+export.command(name="fmu")(expanded(export_fmu))
+
+
+def verify(folder: Path, records: int = 1000, samples: int = 1000, seed: SeedOption = 0) -> None:
+    """Compile an exported folder, run its vectors and random records, and compare with Python.
+
+    Parameters
+    ----------
+    folder : FOLDER
+        What rdpi export c wrote. Its code is run.
+    records : 1 or more
+        Random records.
+    samples : 1 or more
+        Samples of each.
+    """
     with progress_bar() as show:
         found = rg.verify(folder, records=records, samples=samples, seed=seed, progress=show)
     print(found)

@@ -20,29 +20,23 @@ def lab(
             show_default=False,
         ),
     ] = None,
-    port: Annotated[
-        int,
-        typer.Option(
-            "--port", min=0, max=65535, help="Port of the loopback address; 0: any that is free."
-        ),
-    ] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
-    ] = True,
-    session: Annotated[
-        Path | None,
-        typer.Option(
-            "--session",
-            metavar="FOLDER",
-            help="Folder that the session is kept in; one that is there goes on.",
-            show_default=False,
-        ),
-    ] = None,
+    port: int = 0,
+    browser: bool = True,
+    session: Path | None = None,
 ) -> None:
     """Open a page to compare a model with measurements, see what is missing, and add it.
 
     The page is served on this machine alone, at the address that is printed. What is done in it is
     kept in the folder of the session.
+
+    Parameters
+    ----------
+    port : 0 to 65535
+        Port of the loopback address; 0: any that is free.
+    browser
+        Open the page in the browser.
+    session : FOLDER
+        Folder that the session is kept in; one that is there goes on.
     """
     from rdpi_gym.laboratory.opening import serve
 

@@ -26,65 +26,45 @@ def fit(
     plays: Annotated[
         int, typer.Option("--plays", "-n", min=1, help="Number of play operators.")
     ] = _PLAYS,
-    free_memory: Annotated[
-        bool,
-        typer.Option("--free-memory", help="Also find the extremum that each record came from."),
-    ] = False,
-    rate_bandwidth: Annotated[
-        float | None,
-        typer.Option(
-            "--rate-bandwidth",
-            metavar="HZ",
-            help="Cut-off of the low-pass on the model's rate; by default the literal rate.",
-        ),
-    ] = None,
-    core: Annotated[
-        str,
-        typer.Option(
-            "--core",
-            help="Kind of hysteresis: rdpi, stop, preisach, ...; auto fits them all and chooses.",
-        ),
-    ] = "rdpi",
+    free_memory: bool = False,
+    rate_bandwidth: float | None = None,
+    core: str = "rdpi",
     seed: SeedOption = 0,  # accepted by every command; nothing is drawn at random here
 ) -> None:
     """Identify the RDPI model from a measurement, by Equations 9 and 10, or another kind of hysteresis.
 
     Writes model.json: the plant, its standard errors, and what the data do not determine.
+
+    Parameters
+    ----------
+    free_memory
+        Also find the extremum that each record came from.
+    rate_bandwidth : HZ
+        Cut-off of the low-pass on the model's rate; by default the literal rate.
+    core
+        Kind of hysteresis: rdpi, stop, preisach, ...; auto fits them all and chooses.
     """
-    if core != "rdpi":
-        _fit_core(data, reading, core, out, plays != _PLAYS or free_memory or rate_bandwidth)
-        return
-    with progress_bar() as show:
-        show("reading", 0, 0)
-        records = rg.load(data, **vars(reading))
-        model = rg.fit(
-            records,
-            plays,
-            rate_bandwidth_hz=rate_bandwidth,
-            free_memory=free_memory,
-            progress=show,
-        )
-        path = model.plant.save(out / "model.json")
-    print(model, records.describe(), sep="\n\n")
-    print_table(model.overview())
-    print(path)
-
-
-def _fit_core(
-    data: Path, reading: DataOptions, core: str, out: Path, of_the_rdpi_model: object
-) -> None:
-    if of_the_rdpi_model:
+    of_the_rdpi_model = plays != _PLAYS or free_memory or rate_bandwidth
+    if core != "rdpi" and of_the_rdpi_model:
         raise rg.InputError(
             f"--plays, --free-memory and --rate-bandwidth belong to the core rdpi; leave them out with --core {core}"
         )
+    model: rg.FitResult | rg.CoreFit | rg.KindChoice
     with progress_bar() as show:
         show("reading", 0, 0)
         records = rg.load(data, **vars(reading))
-        model = (
-            rg.choose_kind(records, progress=show)
-            if core == "auto"
-            else rg.fit_core(records, core, progress=show)
-        )
+        if core == "rdpi":
+            model = rg.fit(
+                records,
+                plays,
+                rate_bandwidth_hz=rate_bandwidth,
+                free_memory=free_memory,
+                progress=show,
+            )
+        elif core == "auto":
+            model = rg.choose_kind(records, progress=show)
+        else:
+            model = rg.fit_core(records, core, progress=show)
         path = model.plant.save(out / "model.json")
     print(model, records.describe(), sep="\n\n")
     print_table(model.overview())
@@ -135,29 +115,27 @@ def compare(
 
 
 def simulate(
-    model: Annotated[
-        str, typer.Option("--model", metavar="M", help="A plant file, or a plant's name.")
-    ] = "P10",
+    model: str = "P10",
     out: OutOption = Path("results/simulate"),
-    hide: Annotated[
-        str | None,
-        typer.Option(
-            "--hide",
-            metavar="EFFECT,...|random",
-            help="Effects to hide, sized at random so that they show; nothing by default.",
-        ),
-    ] = None,
+    hide: str | None = None,
     seed: SeedOption = 0,
-    noise_um: Annotated[
-        float, typer.Option("--noise-um", help="White noise of the sensor (µm rms).")
-    ] = 0.012,
-    ts_factor: Annotated[
-        float, typer.Option("--ts-factor", help="Factor on the protocol's sampling times.")
-    ] = 1.0,
+    noise_um: float = 0.012,
+    ts_factor: float = 1.0,
 ) -> None:
     """Simulate the standard protocol of experiments on a plant, as if it had been measured.
 
     Writes one CSV file for each record into DIR/data, and what is hidden into DIR/truth.json.
+
+    Parameters
+    ----------
+    model : M
+        A plant file, or a plant's name.
+    hide : EFFECT,...|random
+        Effects to hide, sized at random so that they show; nothing by default.
+    noise_um
+        White noise of the sensor (µm rms).
+    ts_factor
+        Factor on the protocol's sampling times.
     """
     names = words(hide)
     if names == []:  # as a variable of the shell is that was never set
@@ -189,17 +167,15 @@ def effects(
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for effects.json and effects.md; nothing is written without it.",
-            show_default=False,
-        ),
-    ] = None,
+    out: Path | None = None,
 ) -> None:
-    """List the physical effects that a plant can have: equations, parameters, signatures."""
+    """List the physical effects that a plant can have: equations, parameters, signatures.
+
+    Parameters
+    ----------
+    out : DIR
+        Folder for effects.json and effects.md; nothing is written without it.
+    """
     if out is not None:
         check_folder(out)
     if name is None:

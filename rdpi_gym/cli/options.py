@@ -4,45 +4,29 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
 
 import typer
 
-from rdpi_gym.support.command_line import check_folder
+from rdpi_gym.support.command_line import check_folder, check_jobs
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.options import Option, option_fields
+from rdpi_gym.support.options import Option, entries, option_fields
 
 
 def words(text: str | None) -> list[str] | None:
-    """Return the words of a list as a command line has it, blank ones left out.
-
-    Examples
-    --------
-    >>> words("sine, triangle,"), words(None)
-    (['sine', 'triangle'], None)
-    """
+    """Return the words of a list as a command line has it, blank ones left out."""
     if text is None:
         return None
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
 def data_path(text: str) -> Path:
-    """Return the path that the word DATA is; an empty one is not the current folder.
-
-    Raises
-    ------
-    InputError
-        The word is empty, as a variable of the shell is that was never set.
-
-    Examples
-    --------
-    >>> data_path("run.csv").suffix
-    '.csv'
-    """
+    """Return the path that the word DATA is; an empty one is not the current folder."""
     if not text:
         raise InputError("DATA is empty; give a data file or a folder of data files")
     return Path(text)
@@ -73,25 +57,15 @@ OutOption: TypeAlias = Annotated[
 SeedOption: TypeAlias = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of every random draw.")
 ]
+JobsOption: TypeAlias = Annotated[
+    int,
+    typer.Option("--jobs", help="Worker processes; -1: one for each core.", callback=check_jobs),
+]
 
 
 @contextmanager
 def as_typed(flags: Mapping[str, str]) -> Iterator[None]:
-    """Name the option that was typed where an error begins with the keyword of a function.
-
-    Parameters
-    ----------
-    flags
-        Options by keyword.
-
-    Examples
-    --------
-    >>> with as_typed({"hide": "--hide"}):
-    ...     raise InputError("hide: 'crep' is unknown")
-    Traceback (most recent call last):
-    ...
-    rdpi_gym.support.errors.InputError: --hide: 'crep' is unknown
-    """
+    """Name the option that was typed where an error begins with the keyword of a function."""
     try:
         yield
     except InputError as error:
@@ -102,47 +76,57 @@ def as_typed(flags: Mapping[str, str]) -> Iterator[None]:
         raise
 
 
-def expanded(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command one option for each field of the options that it takes whole.
+_RANGE = re.compile(r"(?P<metavar>.*?),?\s*(?:(?P<min>\d+) (?:or more|to (?P<max>\d+)))?")
 
-    Parameters
-    ----------
-    command
-        Parameters whose type is a dataclass of options, such as ``reading: DataOptions``, become the
-        options that its fields state; see :mod:`rdpi_gym.support.options`.
 
-    Returns
-    -------
-    callable
-        What Typer is given: its signature has the single options.
+def _stated(parameter: inspect.Parameter, hint: Any, told: Mapping[str, tuple[str, str]]) -> Any:
+    """Annotation of a command's parameter: its own, or an argument or option as the docstring says.
 
-    Raises
-    ------
-    InputError
-        When it is called: a value that the dataclass refuses.
+    A parameter without default is an argument, any other an option; the docstring states its metavar,
+    the range of a number and its meaning.
     """
-    hints = get_type_hints(command, include_extras=True)
+    if get_origin(hint) is Annotated:
+        return hint
+    form, meaning = told[parameter.name]
+    found = _RANGE.fullmatch(form)
+    assert found is not None  # every text matches
+    further: dict[str, Any] = {
+        key: int(found[key]) for key in ("min", "max") if found[key] is not None
+    }
+    further |= {"metavar": found["metavar"] or None, "help": meaning or None}
+    if parameter.default is inspect.Parameter.empty:
+        return Annotated[hint, typer.Argument(show_default=False, **further)]
+    flags = [f"--{parameter.name.replace('_', '-')}"] if parameter.default is not True else []
+    return Annotated[hint, typer.Option(*flags, **further)]
+
+
+def expanded(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command its options: those its docstring states, and the fields of groups.
+
+    A parameter whose type is a dataclass of options, such as ``reading: DataOptions``, becomes the
+    options that its fields state; see :mod:`rdpi_gym.support.options`.
+    """
+    hints, told = get_type_hints(command, include_extras=True), entries(command.__doc__)
     own: list[inspect.Parameter] = []
     further: list[inspect.Parameter] = []
     groups: dict[str, tuple[type, dict[str, tuple[str, Option]]]] = {}
     for parameter in inspect.signature(command).parameters.values():
         hint = hints[parameter.name]
         if not (isinstance(hint, type) and is_dataclass(hint)):
-            own.append(parameter.replace(annotation=hint, kind=parameter.KEYWORD_ONLY))
+            stated = _stated(parameter, hint, told)
+            own.append(parameter.replace(annotation=stated, kind=parameter.KEYWORD_ONLY))
             continue
         names = {}
-        for field, option, told in option_fields(hint):
+        for field, option, meaning in option_fields(hint):
             name = f"{parameter.name}_{field.name}"  # a command may have an argument of its name
             names[name] = (field.name, option)
             default = None if field.default in (MISSING, ()) else field.default
-            kind = option.type if default is not None else option.type | None
-            stated = typer.Option(option.flag, metavar=option.metavar, help=told)
+            kind: Any = option.type if default is not None else option.type | None
+            flag = typer.Option(option.flag, metavar=option.metavar, help=meaning)
+            annotation = Annotated[kind, flag]
             further.append(
                 inspect.Parameter(
-                    name,
-                    inspect.Parameter.KEYWORD_ONLY,
-                    default=default,
-                    annotation=Annotated[kind, stated],
+                    name, parameter.KEYWORD_ONLY, default=default, annotation=annotation
                 )
             )
         groups[parameter.name] = (hint, names)
@@ -160,6 +144,7 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
         command(**given)
 
     signature = inspect.Signature([*own, *further])
+    call.__doc__ = inspect.cleandoc(command.__doc__ or "").partition("\n\nParameters\n")[0]
     call.__signature__ = signature  # type: ignore[attr-defined]
     call.__annotations__ = {p.name: p.annotation for p in signature.parameters.values()}
     return call

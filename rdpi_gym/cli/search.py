@@ -30,23 +30,7 @@ def carry_out(
 ) -> None:
     """Read the data, search, write what is found, print it with the paths written.
 
-    Parameters
-    ----------
-    search
-        Called with the data set and the options as keywords.
-    data, reading
-        The measurement, and how it is read.
-    options
-        Of the search.
-    out
-        Folder of the results.
-    file_name
-        Of the JSON file; a model that was found is saved as ``model.json`` beside it.
-
-    Raises
-    ------
-    InputError
-        Data or model cannot be read, or the search refuses them.
+    A model that was found is saved as ``model.json`` beside the JSON file of `file_name`.
     """
     written: list[Path] = []
     with progress_bar() as show:

@@ -15,18 +15,10 @@ _SHORT = 24  # letters of a column that is never broken
 def print_table(
     table: pd.DataFrame, title: str = "", *, lines: bool = False, width: int = 140
 ) -> None:
-    """Print a table of texts and numbers; the headings hold the units.
+    """Print a table of texts and numbers, as a result's `overview` returns it; the headings hold the units.
 
-    Parameters
-    ----------
-    table
-        As a result's method ``overview`` returns it. Numbers are right-aligned, with four digits.
-    title
-        Above it.
-    lines
-        Whether lines part the rows.
-    width
-        Where there is no terminal (characters).
+    Numbers are right-aligned, with four digits. `width` (characters) holds where there is no terminal;
+    `lines` part the rows.
     """
     from rich.box import HEAVY_HEAD, SIMPLE
     from rich.table import Table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ import typer
 import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.options import Option
 from rdpi_gym.support.progress import progress_bar
 
 
@@ -24,128 +26,8 @@ class Algorithm(StrEnum):
     imitation = "imitation"
 
 
-def train(
-    algorithm: Annotated[
-        Algorithm, typer.Argument(metavar="ppo|sac|td3|native-ppo|imitation", show_default=False)
-    ],
-    out: OutOption = Path("results/train"),
-    seed: SeedOption = 0,
-    timesteps: Annotated[
-        int | None,
-        typer.Option("--timesteps", help="Steps of all plants together; else the YAML's."),
-    ] = None,
-    lanes: Annotated[
-        int | None, typer.Option("--lanes", help="Plants side by side; else the YAML's.")
-    ] = None,
-    hyperparameters: Annotated[
-        Path | None,
-        typer.Option("--hyperparameters", metavar="YAML", help="As rl-baselines3-zoo reads them."),
-    ] = None,
-    every: Annotated[
-        int | None,
-        typer.Option("--every", metavar="STEPS", help="Between evaluations and checkpoints."),
-    ] = None,
-    action: Annotated[
-        str | None,
-        typer.Option("--action", help="correction (default), command or increment."),
-    ] = None,
-    baseline: Annotated[
-        str | None,
-        typer.Option("--baseline", metavar="NAME", help="Compensator to correct or compare with."),
-    ] = None,
-    task: Annotated[
-        str | None,
-        typer.Option("--task", metavar="NAME", help="Of imitation: whose plants; else Stage."),
-    ] = None,
-    plants: Annotated[
-        str | None,
-        typer.Option(
-            "--plants", metavar="NAME|FILE,...", help="Else P10 with and without further effects."
-        ),
-    ] = None,
-    belief: Annotated[
-        str | None,
-        typer.Option("--belief", metavar="NAME|FILE", help="The baseline's; else no effects."),
-    ] = None,
-    references: Annotated[
-        str | None, typer.Option("--references", metavar="NAME,...", help="One is drawn each time.")
-    ] = None,
-    frequency: Annotated[
-        str | None, typer.Option("--frequency", metavar="HZ,HZ", help="Lowest and highest.")
-    ] = None,
-    ts: Annotated[
-        float | None, typer.Option("--ts", metavar="SECONDS", help="Sampling time.")
-    ] = None,
-    command_cost: Annotated[
-        float | None, typer.Option("--command-cost", help="Price of command changes.")
-    ] = None,
-    threads: Annotated[
-        int | None,
-        typer.Option("--threads", help="Of the learner; native-ppo gains from one a core."),
-    ] = None,
-    device: Annotated[
-        str | None,
-        typer.Option("--device", metavar="cpu", help="Of native-ppo: it runs on a CPU."),
-    ] = None,
-    tensorboard: Annotated[
-        bool, typer.Option("--tensorboard", help="Write TensorBoard's logs too.")
-    ] = False,
-    sweep: Annotated[
-        int | None,
-        typer.Option("--sweep", metavar="N", help="Find hyper-parameters by N trainings."),
-    ] = None,
-    search_space: Annotated[
-        Path | None,
-        typer.Option("--search-space", metavar="YAML", help="Of a sweep; else the algorithm's."),
-    ] = None,
-) -> None:
-    """Train a policy that tracks on plants with effects its belief lacks.
-
-    The same command continues an interrupted run, exactly. The policy is then a controller:
-    `rdpi bench --controller learned:DIR/policy`.
-    """
-    given: dict[str, Any] = {
-        "timesteps": timesteps,
-        "lanes": lanes,
-        "hyperparameters": hyperparameters,
-        "every": every,
-        "action": action,
-        "baseline": baseline,
-        "task": task,
-        "plants": None if plants is None else tuple(words(plants) or ()),
-        "belief": belief,
-        "reference": None if references is None else tuple(words(references) or ()),
-        "frequency_hz": None if frequency is None else _frequencies(frequency),
-        "ts_s": ts,
-        "command_cost": command_cost,
-        "threads": threads,
-        "device": device,
-        "tensorboard": tensorboard or None,
-    }
-    options = {name: value for name, value in given.items() if value is not None}
-    taken = rg.training_options(algorithm.value)
-    for name in options:
-        if name not in taken:
-            flag = _FLAGS.get(name, name.replace("_", "-"))
-            raise InputError(f"--{flag} is no option of {algorithm.value}; leave it out")
-    if search_space is not None and sweep is None:
-        raise InputError("--search-space belongs to a sweep; give --sweep and the number of trials")
-    if sweep is not None:
-        with progress_bar() as show:
-            found = rg.sweep(
-                algorithm.value, out, trials=sweep, space=search_space, seed=seed,
-                progress=show, **options,
-            )  # fmt: skip
-        print(found)
-        return
-    with progress_bar() as show:
-        training = rg.train(algorithm.value, out, seed=seed, progress=show, **options)
-    print(training)
-    print(f"policy: {training.policy}")
-
-
-_FLAGS = {"reference": "references", "frequency_hz": "frequency", "ts_s": "ts"}
-"""Flags that are called otherwise than their option."""
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(words(text) or ())
 
 
 def _frequencies(text: str) -> tuple[float, float]:
@@ -158,21 +40,129 @@ def _frequencies(text: str) -> tuple[float, float]:
     return low, high
 
 
+@dataclass(frozen=True)
+class TrainingWords:
+    """Options of a training by their keywords, and of a sweep of them.
+
+    Parameters
+    ----------
+    timesteps
+        Steps of all plants together; else the YAML's.
+    lanes
+        Plants side by side; else the YAML's.
+    hyperparameters
+        As rl-baselines3-zoo reads them.
+    every
+        Between evaluations and checkpoints.
+    action
+        correction (default), command or increment.
+    baseline
+        Compensator to correct or compare with.
+    task
+        Of imitation: whose plants; else Stage.
+    plants
+        Else P10 with and without further effects.
+    belief
+        The baseline's; else no effects.
+    reference
+        One is drawn each time.
+    frequency_hz
+        Lowest and highest.
+    ts_s
+        Sampling time.
+    command_cost
+        Price of command changes.
+    threads
+        Of the learner; native-ppo gains from one a core.
+    device
+        Of native-ppo: it runs on a CPU.
+    tensorboard
+        Write TensorBoard's logs too.
+    sweep
+        Find hyper-parameters by N trainings.
+    search_space
+        Of a sweep; else the algorithm's.
+    """
+
+    timesteps: int | None = Option("--timesteps", type=int).optional
+    lanes: int | None = Option("--lanes", type=int).optional
+    hyperparameters: Path | None = Option("--hyperparameters", "YAML", Path).optional
+    every: int | None = Option("--every", "STEPS", int).optional
+    action: str | None = Option("--action").optional
+    baseline: str | None = Option("--baseline", "NAME").optional
+    task: str | None = Option("--task", "NAME").optional
+    plants: tuple[str, ...] | None = Option("--plants", "NAME|FILE,...", read=_names).optional
+    belief: str | None = Option("--belief", "NAME|FILE").optional
+    reference: tuple[str, ...] | None = Option("--references", "NAME,...", read=_names).optional
+    frequency_hz: tuple[float, float] | None = Option(
+        "--frequency", "HZ,HZ", read=_frequencies
+    ).optional
+    ts_s: float | None = Option("--ts", "SECONDS", float).optional
+    command_cost: float | None = Option("--command-cost", type=float).optional
+    threads: int | None = Option("--threads", type=int).optional
+    device: str | None = Option("--device", "cpu").optional
+    tensorboard: bool = field(default=False, metadata=Option("--tensorboard", type=bool).metadata)
+    sweep: int | None = Option("--sweep", "N", int).optional
+    search_space: Path | None = Option("--search-space", "YAML", Path).optional
+
+
+def train(
+    algorithm: Annotated[
+        Algorithm, typer.Argument(metavar="ppo|sac|td3|native-ppo|imitation", show_default=False)
+    ],
+    asked: TrainingWords,
+    out: OutOption = Path("results/train"),
+    seed: SeedOption = 0,
+) -> None:
+    """Train a policy that tracks on plants with effects its belief lacks.
+
+    The same command continues an interrupted run, exactly. The policy is then a controller:
+    `rdpi bench --controller learned:DIR/policy`.
+    """
+    given = vars(asked) | {"tensorboard": asked.tensorboard or None}
+    options: dict[str, Any] = {name: each for name, each in given.items() if each is not None}
+    trials, space = options.pop("sweep", None), options.pop("search_space", None)
+    taken = rg.training_options(algorithm.value)
+    for each in fields(asked):
+        if each.name in options and each.name not in taken:
+            flag = each.metadata["option"].flag
+            raise InputError(f"{flag} is no option of {algorithm.value}; leave it out")
+    if space is not None and trials is None:
+        raise InputError("--search-space belongs to a sweep; give --sweep and the number of trials")
+    with progress_bar() as show:
+        options |= {"seed": seed, "progress": show}
+        if trials is not None:
+            found = rg.sweep(algorithm.value, out, trials=trials, space=space, **options)
+        else:
+            training = rg.train(algorithm.value, out, **options)
+    if trials is not None:
+        print(found)
+        return
+    print(training)
+    print(f"policy: {training.policy}")
+
+
 def tune(
-    controller: Annotated[str, typer.Argument(metavar="CONTROLLER", show_default=False)],
-    task: Annotated[
-        str, typer.Option("--task", metavar="NAME,...", help="Tasks, one after the other.")
-    ] = "Stage",
+    controller: str,
+    task: str = "Stage",
     out: OutOption = Path("results/tune"),
-    trials: Annotated[int, typer.Option("--trials", help="Settings that are tried.")] = 40,
-    plants: Annotated[
-        int, typer.Option("--plants", help="Training plants, each with every reference.")
-    ] = 16,
+    trials: int = 40,
+    plants: int = 16,
     seed: SeedOption = 0,
 ) -> None:
     """Find the settings of a controller on training draws of a task, and score them on others.
 
     What its loop is certain of is printed first. The same command continues an interrupted search.
+
+    Parameters
+    ----------
+    controller : CONTROLLER
+    task : NAME,...
+        Tasks, one after the other.
+    trials
+        Settings that are tried.
+    plants
+        Training plants, each with every reference.
     """
     asked = words(task) or [task]
     for each in asked:
@@ -193,28 +183,30 @@ class Action(StrEnum):
 
 
 def collect(
-    task: Annotated[
-        str, typer.Option("--task", metavar="NAME", help="Short name or id of a task.")
-    ] = "Stage",
-    controllers: Annotated[
-        str,
-        typer.Option(
-            "--controllers", metavar="NAME,...", help="Each drives an equal share of the episodes."
-        ),
-    ] = "true-plant-horizon,pi-preview,adaptive-feedforward,random",
-    episodes: Annotated[int, typer.Option("--episodes", help="How many in all.")] = 40,
+    task: str = "Stage",
+    controllers: str = "true-plant-horizon,pi-preview,adaptive-feedforward,random",
+    episodes: int = 40,
     out: OutOption = Path("results/dataset"),
-    steps: Annotated[
-        int | None, typer.Option("--steps", help="Of an episode; else the task's, 2500.")
-    ] = None,
+    steps: int | None = None,
     seed: SeedOption = 0,
-    action: Annotated[
-        Action, typer.Option("--action", metavar="command|increment", help="What an action is.")
-    ] = Action.command,
+    action: Action = Action.command,
 ) -> None:
     """Write episodes of a task's training draws, driven by controllers, for offline learning.
 
     Minari loads them; true-plant-horizon knows the true plant, random knows nothing.
+
+    Parameters
+    ----------
+    task : NAME
+        Short name or id of a task.
+    controllers : NAME,...
+        Each drives an equal share of the episodes.
+    episodes
+        How many in all.
+    steps
+        Of an episode; else the task's, 2500.
+    action : command|increment
+        What an action is.
     """
     with progress_bar() as show:
         collection = rg.collect(

@@ -98,50 +98,22 @@ def warning_of(controller: Controller) -> str | None:
 
 
 class Correction:
-    """The command that a baseline would give, sample by sample."""
-
-    def __init__(self, name: str, belief: PlantModel, layout: ObservationLayout) -> None:
-        self._layout = replace(layout, action="command")
-        self._controller = make_named_controller(name, belief, self._layout)
-        self._state: Any = None
-        self._start = True
-        self.command_V = 0.0
-
-    def reset(self, reference_um: Array, observation: NDArray[np.float32]) -> None:
-        """Begin an episode with the references ``(K, 1)`` (µm) that are known before it."""
-        plan = getattr(self._controller, "plan", None)
-        if plan is not None:
-            plan(reference_um)
-        self._state, self._start = None, True
-        self.observe(observation)
-
-    def observe(self, observation: NDArray[np.float32]) -> None:
-        """Take the observation ``(1, D)`` of this sample and find the command for the next one."""
-        action, self._state = self._controller.predict(
-            observation,
-            state=self._state,
-            episode_start=np.array([self._start]),
-            deterministic=True,
-        )
-        self._start = False
-        self.command_V = float(self._layout.place_to_V(np.asarray(action, dtype=float)).item())
-
-
-class VectorCorrection:
-    """The commands that a baseline would give in every lane, sample by sample.
+    """Commands (V) that a baseline would give in every lane, sample by sample.
 
     One baseline serves all lanes in one call. One that plans ahead keeps a plan for all of its
-    episodes, which begin at different times here: so each lane has a baseline of its own.
+    episodes, which begin at different times: so each lane has a baseline of its own.
     """
 
     def __init__(
-        self, name: str, belief: PlantModel, layout: ObservationLayout, lanes: int
+        self, name: str, belief: PlantModel, layout: ObservationLayout, lanes: int = 1
     ) -> None:
         self._layout = replace(layout, action="command")
-        self._controller = make_named_controller(name, belief, self._layout)
-        self.plans = hasattr(self._controller, "plan")
-        self._each = [Correction(name, belief, layout) for _ in range(lanes)] if self.plans else []
-        self._state: Any = None
+        first = make_named_controller(name, belief, self._layout)
+        self.plans = hasattr(first, "plan")
+        count = lanes if self.plans else 1
+        further = (make_named_controller(name, belief, self._layout) for _ in range(count - 1))
+        self._controllers: list[Any] = [first, *further]
+        self._states: list[Any] = [None] * count
         self.commands_V: Array = np.zeros(lanes)
 
     def plan(
@@ -149,19 +121,27 @@ class VectorCorrection:
     ) -> None:
         """Begin episodes of a baseline that plans, over the samples ``(B, K)`` (µm) of all lanes."""
         for j, lane in enumerate(indices.tolist()):
-            self._each[lane].reset(references_um[lane][:, None], observation[j : j + 1])
-            self.commands_V[lane] = self._each[lane].command_V
+            self._controllers[lane].plan(references_um[lane][:, None])
+            self._predict(lane, slice(lane, lane + 1), observation[j : j + 1], np.ones(1, bool))
 
     def observe(self, observation: NDArray[np.float32], begins: NDArray[np.bool_]) -> None:
-        """Take the observations ``(B, D)`` of this sample and find the commands for the next one."""
-        if self.plans:
-            for lane in np.flatnonzero(~begins).tolist():
-                self._each[lane].observe(observation[lane : lane + 1])
-                self.commands_V[lane] = self._each[lane].command_V
+        """Take the observations ``(B, D)`` of this sample and find the commands for the next one.
+
+        Lanes of a baseline that plans have begun in :meth:`plan`.
+        """
+        if not self.plans:
+            self._predict(0, slice(None), observation, begins)
             return
-        state = None if begins.all() else self._state
-        action, self._state = self._controller.predict(
+        for lane in np.flatnonzero(~begins).tolist():
+            own = slice(lane, lane + 1)
+            self._predict(lane, own, observation[own], begins[own])
+
+    def _predict(
+        self, i: int, lanes: slice, observation: NDArray[np.float32], begins: NDArray[np.bool_]
+    ) -> None:
+        state = None if begins.all() else self._states[i]
+        action, self._states[i] = self._controllers[i].predict(
             observation, state=state, episode_start=begins, deterministic=True
         )
         places = np.asarray(action, dtype=np.float64)[:, 0]
-        self.commands_V[:] = self._layout.place_to_V(places)
+        self.commands_V[lanes] = self._layout.place_to_V(places)

@@ -262,20 +262,9 @@ class ObservationLayout:
         return table
 
     def encode(self, shown: Any, ends_um: Any, measured_um: Any, command_V: Any) -> list[Any]:
-        """Blocks of the observation, one a field, in any library's arrays.
+        """Blocks of the observation, one a field, each ``(width, B)``, in any library's arrays.
 
-        Parameters
-        ----------
-        shown
-            Encoded reference, ``(preview + 1, B)``.
-        ends_um
-            r(k + preview) and r(k) (µm), each ``(B,)``.
-        measured_um, command_V
-            Reading (µm) and command (V), ``(B,)``.
-
-        Returns
-        -------
-        list of ``(width, B)``, in the order of `fields`
+        `shown` is the encoded reference, ``(preview + 1, B)``, `ends_um` are r(k + preview) and r(k).
         """
         low, high = self.command_range_V
         values = field_values.py_func(*ends_um, measured_um, command_V)

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 # Samples of the reference made at a time: one registered episode, and what it looks ahead.
 _CHUNK = 2048
+_LANE, _BEGINS = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool)
 _OPTIONS = ("reference", "frequency_hz", *PLANT_OPTIONS)
 
 
@@ -285,7 +286,10 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             noise = [self._noise(np.random.default_rng(noise_seed))]
         observation = self._task.reset(reference, noise)
         if self._correction is not None:
-            self._correction.reset(reference, observation)
+            if self._correction.plans:
+                self._correction.plan(_LANE, reference.T, observation)
+            else:
+                self._correction.observe(observation, _BEGINS)
         if self._figure is not None:
             self._figure.reset()
         info = self._info()
@@ -314,7 +318,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self._task.extend(self.reference_um(signal, self._known, self._known + _CHUNK))
             self._known += _CHUNK
         if self._correction is not None:
-            self._correction.observe(observation)
+            self._correction.observe(observation, ~_BEGINS)
         info = self._info()
         reward = -abs(info["error_um"]) / layout.scale_um
         reward -= self.command_cost * abs(command - self._command_V) / self._span_V
@@ -354,7 +358,11 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         if self._commands_place:
             command = min(self._low_V + 0.5 * (place + 1.0) * self._span_V, self._high_V)
         else:
-            base = self._command_V if self._correction is None else self._correction.command_V
+            base = (
+                self._command_V
+                if self._correction is None
+                else float(self._correction.commands_V[0])
+            )
             wanted = base + place * self.layout.action_scale_V
             command = min(max(wanted, self._low_V), self._high_V)
             inside = inside and command == wanted

@@ -21,30 +21,10 @@ FrequencyChoice: TypeAlias = float | Sequence[float]
 class ReferenceSource:
     """Draws the reference of each episode.
 
-    Parameters
-    ----------
-    choices
-        Names of signals, dictionaries of their fields with the name under ``signal``, or signals.
-        One is drawn for each episode. A signal is used as it is; what a dictionary leaves out comes
-        from the fields here; random signals get a seed of their own in each episode unless their
-        dictionary has one.
-    frequency_hz
-        Lowest and highest frequency (Hz), drawn log-uniformly, for signals that have one.
-    amplitude_um, offset_um
-        Amplitude and centre (µm).
-    smooth_start_s
-        Duration of the smooth start (s).
-
-    Raises
-    ------
-    InputError
-        No choice, an unknown signal or field, or a frequency that is not above zero.
-
-    Examples
-    --------
-    >>> source = ReferenceSource(("sine",), (10.0, 10.0), 5.0, 0.0, 0.0)
-    >>> source.draw(np.random.default_rng(0)).frequency_hz
-    10.0
+    Of `choices`, names of signals, dictionaries of their fields with the name under ``signal``, or
+    signals, one is drawn. A signal is used as it is; what a dictionary leaves out comes from the
+    fields here; random signals get a seed of their own in each episode unless their dictionary has
+    one. The frequency (Hz) is drawn log-uniformly between the lowest and the highest.
     """
 
     choices: tuple[ReferenceChoice, ...]

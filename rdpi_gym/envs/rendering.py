@@ -25,21 +25,6 @@ class LiveFigure:
 
     What stays from frame to frame (axes, labels, grid) is drawn once and copied; axes grow with
     what they have to show and never shrink within an episode.
-
-    Parameters
-    ----------
-    layout
-        Ranges and sampling time.
-    title
-        Stands above the figure.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> figure = LiveFigure(ObservationLayout.for_plant(named_plant("P5"), ts_s=1e-4), "P5")
-    >>> figure.record(command_V=0.0, reference_um=0.0, displacement_um=0.0)
-    >>> figure.draw().shape
-    (480, 960, 3)
     """
 
     def __init__(self, layout: ObservationLayout, title: str) -> None:

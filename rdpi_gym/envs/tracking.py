@@ -81,6 +81,10 @@ class NoiseSource(Protocol):
         ...
 
 
+def _view(row: int, meaning: str) -> property:
+    return property(lambda task: task.quantities[row], doc=meaning)
+
+
 class TrackingTask:
     """B tracking problems with one layout, stepped together: B = 1 is the single environment.
 
@@ -149,30 +153,11 @@ class TrackingTask:
         """Number of lanes B."""
         return self._shape[0]
 
-    @property
-    def displacement_um(self) -> Array:
-        """Displacement y(k) (µm), without the sensor: a view, float64[B]."""
-        return self._row(0)
-
-    @property
-    def measured_um(self) -> Array:
-        """The sensor's reading (µm): a view, float64[B]."""
-        return self._row(1)
-
-    @property
-    def reference_now_um(self) -> Array:
-        """Reference r(k) (µm): a view, float64[B]."""
-        return self._row(2)
-
-    @property
-    def command_V(self) -> Array:
-        """Command u(k) (V): a view, float64[B]."""
-        return self._row(3)
-
-    @property
-    def error_um(self) -> Array:
-        """Tracking error r(k) - y(k) (µm): a view, float64[B]."""
-        return self._row(4)
+    displacement_um = _view(0, "Displacement y(k) (µm), without the sensor: a view, float64[B].")
+    measured_um = _view(1, "Reading of the sensor (µm): a view, float64[B].")
+    reference_now_um = _view(2, "Reference r(k) (µm): a view, float64[B].")
+    command_V = _view(3, "Command u(k) (V): a view, float64[B].")
+    error_um = _view(4, "Tracking error r(k) - y(k) (µm): a view, float64[B].")
 
     def reset(
         self, reference_um: ArrayLike, rngs: Sequence[NoiseSource] | None = None
@@ -253,10 +238,6 @@ class TrackingTask:
             observation,
         )
         return observation
-
-    def _row(self, index: int) -> Array:
-        row: Array = self.quantities[index]
-        return row
 
     def _checked(self, reference_um: ArrayLike) -> Array:
         try:

@@ -120,35 +120,10 @@ def farthest_um(model: PlantModel, layout: ObservationLayout) -> float:
 
 
 class TruthSource:
-    """Draws the plant of each episode.
+    """Draws the plant of each episode about `nominal`: band-limited, with a sensor's fields replaced.
 
-    Parameters
-    ----------
-    plant
-        The nominal plant.
-    rate_bandwidth_hz
-        Cut-off of its rate at most (Hz), or None: see :func:`limit_band`.
-    sensor
-        Fields of its `Sensor` (µm) to replace; None leaves the plant's own.
-    half_width, effects_half_width
-        Relative half-widths of :func:`randomise_plant` and :func:`randomise_effects`, 0 or more
-        and below 1.
-
-    Raises
-    ------
-    InputError
-        No such plant, a bad sensor, or a half-width out of range.
-
-    Attributes
-    ----------
-    nominal : PlantModel
-        The plant with its band limit and sensor, not randomised.
-
-    Examples
-    --------
-    >>> source = TruthSource("P5", 800.0, {"noise_um": 0.1}, 0.0)
-    >>> source.nominal.sensor.noise_um
-    0.1
+    The relative half-widths, 0 or more and below 1, are those of :func:`randomise_plant` and
+    :func:`randomise_effects`.
     """
 
     def __init__(

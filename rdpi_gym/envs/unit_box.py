@@ -69,20 +69,6 @@ class UnitBoxes(Box):
     ``Box.sample`` sorts the coordinates by kind of bound at every call and draws 64 bits a number, one
     after the other: for thousands of lanes that takes longer than a step of the environment. This
     space draws one word at a call and spreads it over the lanes, on vector units.
-
-    Parameters
-    ----------
-    lanes
-        Number of lanes.
-    seed
-        Of the samples.
-
-    Examples
-    --------
-    >>> UnitBoxes(3) == Box(-1.0, 1.0, (3, 1), np.float32)
-    True
-    >>> UnitBoxes(3, seed=1).sample().shape
-    (3, 1)
     """
 
     def __init__(self, lanes: int, seed: int | np.random.Generator | None = None) -> None:

@@ -32,42 +32,14 @@ class HasPlant(Protocol):
 
 
 def as_plant(model: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel:
-    """Return the plant that is meant: itself, that of a result, of a file, or by name.
-
-    Raises
-    ------
-    InputError
-        Neither a plant's name nor a readable plant file.
-
-    Examples
-    --------
-    >>> as_plant("P5").name
-    'P5'
-    """
+    """Return the plant that is meant: itself, that of a result, of a file, or by name."""
     if isinstance(model, PlantModel):
         return model
     return model.plant if isinstance(model, HasPlant) else find_plant(str(model))
 
 
 class Catalogue(Mapping[str, T], Generic[T]):
-    """Things by name, each with a line that says what it is; nothing is made before it is asked for.
-
-    Parameters
-    ----------
-    what
-        One of them in words.
-    listed
-        Returns the names, in order.
-    made
-        Returns the thing of a name.
-    line
-        Says in a line what a name stands for.
-
-    Raises
-    ------
-    InputError
-        On a name that is not there, with the close match.
-    """
+    """Things by name, each with a line that says what it is; nothing is made before it is asked for."""
 
     def __init__(
         self,

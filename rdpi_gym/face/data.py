@@ -117,7 +117,7 @@ class Dataset(DisplayMixin, measurement.Dataset):
         return (self.title, self.quantities.words, *(r.name for r in self.records), *notes)
 
     def _chart(self) -> Chart:
-        from rdpi_gym.report.measurement import records_chart
+        from rdpi_gym.report.result_pages import records_chart
 
         return records_chart(self.records)
 
@@ -129,7 +129,7 @@ class Dataset(DisplayMixin, measurement.Dataset):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.measurement import write_data_page
+        from rdpi_gym.report.result_pages import write_data_page
 
         return write_data_page(path, self)
 
@@ -195,17 +195,7 @@ def as_dataset(data: measurement.Dataset | PathLike[str] | str) -> Dataset:
 
 @contextmanager
 def in_words_of(data: measurement.Dataset) -> Iterator[None]:
-    """Turn the line of an error into the quantities of a data set.
-
-    Parameters
-    ----------
-    data
-        The data set.
-
-    Raises
-    ------
-    InputError
-        What is raised within.
+    """Turn the line of an error that is raised within into the quantities of a data set.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from html import escape
 from pathlib import Path
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rdpi_gym.report.chart import Chart
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @runtime_checkable
@@ -50,6 +48,18 @@ class Result(Protocol):
     def save(self, path: Path | str) -> Path:
         """Write the result to a file from which it can be loaded, and return its path."""
         ...
+
+
+def draw(chart: Chart, inches: tuple[float, float], fill: Callable[[str], str] = str) -> Any:
+    """Draw a chart in a figure of its own; return Matplotlib's axes."""
+    import matplotlib.pyplot as plt
+
+    from rdpi_gym.report.chart_matplotlib import draw_chart
+    from rdpi_gym.report.style import matplotlib_style
+
+    style: Any = matplotlib_style()
+    with plt.rc_context(style):
+        return draw_chart(plt.figure(figsize=inches, layout="constrained"), chart, fill)
 
 
 _ROWS = 40
@@ -115,15 +125,7 @@ class DisplayMixin:
             In a figure of their own, which a notebook shows; ``matplotlib.pyplot.show()`` does
             elsewhere.
         """
-        import matplotlib.pyplot as plt
-
-        from rdpi_gym.report.chart_matplotlib import draw_chart
-        from rdpi_gym.report.style import matplotlib_style
-
-        style: Any = matplotlib_style()
-        with plt.rc_context(style):
-            figure = plt.figure(figsize=self.figure_inches, layout="constrained")
-            return draw_chart(figure, self._chart(), self._quantities().fill)
+        return draw(self._chart(), self.figure_inches, self._quantities().fill)
 
     def _table_in_units(self, frame: pd.DataFrame, *columns: str) -> pd.DataFrame:
         """Fill the headings of a table, and the cells of columns, with the quantities of the result."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -29,6 +29,31 @@ if TYPE_CHECKING:
 _SYMBOLS = {"delta1_V": ("δ1", "{input_unit}"), "delta2_s": ("δ2", "s")}
 
 
+def _symbol(name: str) -> tuple[str, str]:
+    """Symbol and unit of a parameter of the RDPI model."""
+    return _SYMBOLS.get(name, (name, "{output_unit}/{input_divisor}"))
+
+
+def _error_line(fit: identification.FitResult | cores.CoreFit) -> str:
+    errors = f"{in_output(fit.train_rmse_um)} rms on the records fitted"
+    if fit.validation_rmse_um is not None:
+        errors = f"{in_output(fit.validation_rmse_um)} rms on validation records, {errors}"
+    return f"Error {errors}."
+
+
+def _parameter_table(
+    rows: Iterable[tuple[str, float, float, str]], lowest: float = -math.inf
+) -> pd.DataFrame:
+    """Table of name, value, standard error and unit, with the 95 % interval, cut at `lowest`."""
+    import pandas as pd
+
+    heads = ["parameter", "value", "standard_error", "low", "high", "unit"]
+    table = [
+        (name, x, error, *interval_95(x, error, lowest), unit) for name, x, error, unit in rows
+    ]
+    return pd.DataFrame(table, columns=heads)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FitResult(DisplayMixin, identification.FitResult):
     """An identified model, as :func:`rdpi_gym.fit` returns it; `plant` is ready to use.
@@ -48,9 +73,6 @@ class FitResult(DisplayMixin, identification.FitResult):
     saved_as: ClassVar[str] = "fit"
 
     def _lines(self) -> Sequence[str]:
-        errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
-        if self.validation_rmse_um is not None:
-            errors = f"{in_output(self.validation_rmse_um)} rms on validation records, {errors}"
         n = self.plant.hysteresis.n
         found = ", ".join(
             f"{symbol} = {pm(self.parameters[name], self.standard_errors[name])} {unit}"
@@ -59,7 +81,7 @@ class FitResult(DisplayMixin, identification.FitResult):
             for name, (symbol, unit) in _SYMBOLS.items()
         )
         return [
-            f"Error {errors}.",
+            _error_line(self),
             f"RDPI model with {n} play operator{'s'[: n != 1]}: {found}.",
             *(f"- {warning}" for warning in self.warnings),
         ]
@@ -73,37 +95,20 @@ class FitResult(DisplayMixin, identification.FitResult):
             ``parameter``, ``value``, ``standard_error``, ``low`` and ``high`` of the 95 % interval,
             ``unit``; a standard error is infinite where the data do not determine the value.
         """
-        import pandas as pd
-
-        intervals = self.intervals_95
-        return pd.DataFrame(
-            [
-                {
-                    "parameter": name,
-                    "value": value,
-                    "standard_error": self.standard_errors[name],
-                    "low": intervals[name][0],
-                    "high": intervals[name][1],
-                    "unit": self._quantities().fill(
-                        _SYMBOLS.get(name, ("", "{output_unit}/{input_divisor}"))[1]
-                    ),
-                }
+        return _parameter_table(
+            (
+                (name, value, self.standard_errors[name], self._quantities().fill(_symbol(name)[1]))
                 for name, value in self.parameters.items()
-            ]
+            ),
+            lowest=0.0,
         )
 
     def overview(self) -> pd.DataFrame:
         """Return parameters, offsets and extrema with their standard errors and intervals."""
         import pandas as pd
 
-        intervals = self.intervals_95
         rows = [
-            (
-                *_SYMBOLS.get(name, (name, "{output_unit}/{input_divisor}")),
-                value,
-                self.standard_errors[name],
-                intervals[name],
-            )
+            (*_symbol(name), value, self.standard_errors[name], self.intervals_95[name])
             for name, value in self.parameters.items()
         ]
         further = (
@@ -120,7 +125,7 @@ class FitResult(DisplayMixin, identification.FitResult):
                 {
                     "parameter": name,
                     "value": f"{value:.5g}",
-                    "standard error": f"{error:.2g}" if math.isfinite(error) else "not determined",
+                    "standard error": _error(error),
                     "95 % interval": f"{low:.5g} to {high:.5g}" if math.isfinite(error) else "",
                     "unit": self._quantities().fill(unit),
                 }
@@ -129,7 +134,7 @@ class FitResult(DisplayMixin, identification.FitResult):
         )
 
     def _chart(self) -> Chart:
-        from rdpi_gym.report.fit import fit_chart
+        from rdpi_gym.report.result_pages import fit_chart
 
         return fit_chart(self)
 
@@ -141,7 +146,7 @@ class FitResult(DisplayMixin, identification.FitResult):
         InputError
             The file cannot be written.
         """
-        from rdpi_gym.report.fit import write_fit_page
+        from rdpi_gym.report.result_pages import write_fit_page
 
         return write_fit_page(path, self, self._lines(), self.to_dataframe())
 
@@ -222,13 +227,10 @@ class CoreFit(DisplayMixin, cores.CoreFit):
 
     def _lines(self) -> Sequence[str]:
         core = self.plant.hysteresis
-        errors = f"{in_output(self.train_rmse_um)} rms on the records fitted"
-        if self.validation_rmse_um is not None:
-            errors = f"{in_output(self.validation_rmse_um)} rms on validation records, {errors}"
         gains = core.gains
         used = sum(gain != 0.0 for gain in gains)
         lines = [
-            f"Error {errors}.",
+            _error_line(self),
             f"{core.title[0].upper()}{core.title[1:]}: {core.equation}.",
             f"{used} of {len(gains)} gains are not zero.",
         ]
@@ -248,32 +250,14 @@ class CoreFit(DisplayMixin, cores.CoreFit):
             ``parameter``, ``value``, ``standard_error``, ``low`` and ``high`` of the 95 % interval,
             ``unit``; a standard error is infinite where the data do not determine the value.
         """
-        import pandas as pd
-
-        units = {p.name: p.unit for p in self.plant.hysteresis.shape}
-        rows = []
-        for name, value in self.shape.items():
-            error = self.standard_errors.get(name, math.inf)
-            low, high = interval_95(value, error)
-            unit = self.quantities.unit(units[name])
-            rows.append((name, value, error, low, high, unit))
-        heads = ["parameter", "value", "standard_error", "low", "high", "unit"]
-        return pd.DataFrame(rows, columns=heads)
+        return _parameter_table(self._rows())
 
     def overview(self) -> pd.DataFrame:
         """Return the numbers of the shape and the error of each record, as texts."""
         import pandas as pd
 
-        units = {p.name: p.unit for p in self.plant.hysteresis.shape}
-        errors = self.standard_errors
         rows = [
-            (
-                name,
-                f"{value:.5g}",
-                _error(errors.get(name, math.inf)),
-                self.quantities.unit(units[name]),
-            )
-            for name, value in self.shape.items()
+            (name, f"{value:.5g}", _error(error), unit) for name, value, error, unit in self._rows()
         ]
         rows += [
             (f"error of {name}", f"{value:.3g}", "", self.quantities.output.unit)
@@ -281,9 +265,18 @@ class CoreFit(DisplayMixin, cores.CoreFit):
         ]
         return pd.DataFrame(rows, columns=["what", "value", "standard error", "unit"])
 
+    def _rows(self) -> list[tuple[str, float, float, str]]:
+        """Parameters of the shape: name, value, standard error, unit."""
+        units = {p.name: self.quantities.unit(p.unit) for p in self.plant.hysteresis.shape}
+        errors = self.standard_errors
+        return [
+            (name, value, errors.get(name, math.inf), units[name])
+            for name, value in self.shape.items()
+        ]
+
     def _chart(self) -> Chart:
         from rdpi_gym.report.chart import Chart
-        from rdpi_gym.report.fit import errors_panel
+        from rdpi_gym.report.result_pages import errors_panel
 
         return Chart([errors_panel(self.rmse_um)])
 
@@ -442,7 +435,7 @@ class KindChoice(DisplayMixin, kinds.KindChoice):
 
     def _chart(self) -> Chart:
         from rdpi_gym.report.chart import Chart
-        from rdpi_gym.report.fit import errors_panel
+        from rdpi_gym.report.result_pages import errors_panel
 
         errors_um = {fit.plant.hysteresis.name: fit.validation_rmse_um or 0.0 for fit in self.fits}
         return Chart([errors_panel(errors_um, "RMS error, held out ({output_unit})")])

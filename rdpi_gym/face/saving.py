@@ -37,21 +37,9 @@ _OWN = (PlantModel, Effect, Check, Finding)
 
 
 def write_result(path: Path | str, kind: str, result: Any) -> Path:
-    """Write a result, whole or not at all.
+    """Write a dataclass of numbers, texts, arrays, tables, plants and such dataclasses, whole or not at all.
 
-    Parameters
-    ----------
-    path
-        Ends in ``.npz``.
-    kind
-        Names the result's class in the file.
-    result
-        A dataclass of numbers, texts, arrays, tables, plants, and dataclasses of these.
-
-    Raises
-    ------
-    InputError
-        Another ending, or the file cannot be written.
+    `kind` names its class in the file.
     """
     if Path(path).suffix.lower() != ENDING:
         raise InputError(f"{path}: a result is saved to a file that ends in {ENDING}")
@@ -70,20 +58,7 @@ def write_result(path: Path | str, kind: str, result: Any) -> Path:
 
 
 def read_result(path: Path | str, kinds: Mapping[str, type[R]]) -> R:
-    """Read a result that :func:`write_result` wrote.
-
-    Parameters
-    ----------
-    path
-        The file.
-    kinds
-        The classes that may be in it.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, no result, or one of another kind.
-    """
+    """Read a result of one of the classes in `kinds` that :func:`write_result` wrote."""
     source = Path(path)
     if not exists(source):
         raise InputError(f"{source} does not exist; give a file that a result was saved to")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
@@ -27,6 +27,7 @@ from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery_text import lines, staircase
 from rdpi_gym.support.checks import check_type, checked
+from rdpi_gym.support.documents import stored
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress
@@ -60,9 +61,9 @@ class SearchResult(DisplayMixin, results.SearchResult):
     saved_as: ClassVar[str] = "search"
     figure_inches: ClassVar[tuple[float, float]] = (9.5, 3.8)
 
-    data: Dataset = field(kw_only=True)
+    data: Dataset = field(kw_only=True, metadata=stored(omitted=True))
     """The records that were searched."""
-    own: Own = field(kw_only=True, default=())
+    own: Own = field(kw_only=True, default=(), metadata=stored(omitted=True))
     """Effects of the user's own that were tried beside the catalogue; not saved."""
 
     @checked
@@ -258,23 +259,7 @@ def _percent(share: float) -> str:
 
 
 def candidates_of(effects: Sequence[str | type[Effect]]) -> Mapping[str, type[Effect]]:
-    """Return the catalogue with a user's own effects.
-
-    Parameters
-    ----------
-    effects
-        Classes, or each as ``module:Class``.
-
-    Raises
-    ------
-    InputError
-        What is named is no effect, or has the name of another.
-
-    Examples
-    --------
-    >>> "creep" in candidates_of(())
-    True
-    """
+    """Return the catalogue with a user's own effects: classes, or each as ``module:Class``."""
     known = dict(CATALOGUE)
     for effect in effects:
         kind = _effect(effect)
@@ -311,6 +296,18 @@ def _core(options: SearchOptions) -> str | None:
     return options.core
 
 
+def _asked(options: SearchOptions) -> dict[str, Any]:
+    """Keywords of a search below."""
+    return {
+        "jobs": options.jobs,
+        "seed": options.seed,
+        "progress": options.progress,
+        "checkpoint": None if options.resume is None else Path(options.resume),
+        "core": _core(options),
+        "on_candidate": options.on_candidate,
+    }
+
+
 def _search(
     function: Callable[..., results.SearchResult],
     data: measurement.Dataset | PathLike[str] | str,
@@ -322,17 +319,7 @@ def _search(
     given = _given(options)
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = function(
-            dataset,
-            given,
-            catalogue=catalogue,
-            jobs=options.jobs,
-            seed=options.seed,
-            progress=options.progress,
-            checkpoint=None if options.resume is None else Path(options.resume),
-            core=_core(options),
-            on_candidate=options.on_candidate,
-        )
+        found = function(dataset, given, catalogue=catalogue, **_asked(options))
     return SearchResult.of(found, data=Dataset.of(dataset), own=own)
 
 
@@ -523,17 +510,7 @@ def _add(
         raise InputError("add needs the model that the effect is added to; give it with --model")
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = searches.add_effect(
-            dataset,
-            given,
-            kind,
-            jobs=options.jobs,
-            seed=options.seed,
-            progress=options.progress,
-            checkpoint=None if options.resume is None else Path(options.resume),
-            core=_core(options),
-            on_candidate=options.on_candidate,
-        )
+        found = searches.add_effect(dataset, given, kind, **_asked(options))
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
     return SearchResult.of(found, data=Dataset.of(dataset), own=own)

@@ -14,6 +14,7 @@ from benchmarks.stages import offline, tuning
 from benchmarks.stages.offline import CONTROLLERS, Collection
 from benchmarks.stages.tuning import Tuned
 from rdpi_gym.face.catalogues import HasPlant, as_plant
+from rdpi_gym.face.display import draw
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
@@ -76,13 +77,13 @@ class Training:
 
     def picture(self) -> bytes:
         """Return error, cost, command variation and time over the steps as a PNG file."""
-        from rdpi_gym.report.training import training_picture
+        from rdpi_gym.report.result_pages import training_picture
 
         return training_picture(self.to_dataframe(), self.compensator, self.kept_at)
 
     def page(self, path: PathLike[str] | str) -> Path:
         """Write the same as a self-contained page, with every evaluation."""
-        from rdpi_gym.report.training import write_training_page
+        from rdpi_gym.report.result_pages import write_training_page
 
         said = repr(self).replace(" um", " µm")
         return write_training_page(
@@ -97,16 +98,9 @@ class Training:
         -------
         matplotlib.axes.Axes
         """
-        import matplotlib.pyplot as plt
+        from rdpi_gym.report.result_pages import training_chart
 
-        from rdpi_gym.report.chart_matplotlib import draw_chart
-        from rdpi_gym.report.style import matplotlib_style
-        from rdpi_gym.report.training import training_chart
-
-        style: Any = matplotlib_style()
-        chart = training_chart(self.to_dataframe(), self.compensator)
-        with plt.rc_context(style):
-            return draw_chart(plt.figure(figsize=(6.0, 3.6), layout="constrained"), chart)
+        return draw(training_chart(self.to_dataframe(), self.compensator), (6.0, 3.6))
 
 
 @checked

@@ -18,6 +18,7 @@ from rdpi_gym.plant.cores.rdpi import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.documents import Documents
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import read_json, write_json
 
@@ -266,9 +267,9 @@ class PlantModel(Generic[AnyCore]):
         if not isinstance(document, Mapping):
             raise InputError(f"{source} is {shown(document)}; expected a JSON object")
         body = {k: v for k, v in document.items() if k not in ("format", "version")}
-        built = _build(cls, body, source)
-        assert isinstance(built, cls)
-        return cast("PlantModel", built)
+        if not body.keys() >= {*_NEEDED}:
+            raise InputError(f"{source} needs the keys {', '.join(_NEEDED)}")
+        return cast("PlantModel", _DOCUMENTS.read_fields(cls, body, source))
 
     @classmethod
     def load(cls, path: Path | str) -> PlantModel:
@@ -282,46 +283,27 @@ class PlantModel(Generic[AnyCore]):
         return cls.from_dict(read_json(path, FORMAT, VERSION), str(path))
 
 
+_NEEDED = ("hysteresis", "name", "command_range_V", "reference_um")
 _PARTS: dict[str, type] = {"hysteresis": Core, "sensor": Sensor, "converter": Converter}
 
 
-def _build(kind: type, body: Any, source: str) -> Any:
-    if not isinstance(body, Mapping):
-        raise InputError(f"{source} is {type(body).__name__}; expected a JSON object")
-    fields = {f.name: f for f in dataclasses.fields(kind)}
-    unknown = [key for key in body if key not in fields]
-    if unknown:
-        raise InputError(
-            f"{source} has the unknown key {shown(unknown[0])}; known are {', '.join(fields)}"
-        )
-    values: dict[str, Any] = {}
-    for key, value in body.items():
-        where = f"{source}, {key}"
-        if key == "effects" and kind is PlantModel:
-            values[key] = _build_effects(value, where)
-        elif key == "hysteresis" and kind is PlantModel:
-            values[key] = core_from_dict(value, where)
-        elif key in _PARTS and kind is PlantModel:
-            values[key] = _build(_PARTS[key], value, where)
-        elif isinstance(value, list | tuple):
-            values[key] = tuple(_number(x, where) for x in value)
-        elif key in ("name", "note", "identification"):
-            values[key] = value
-        else:
-            values[key] = None if value is None else _number(value, where)
-    try:
-        return kind(**values)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise InputError(f"{source}: {error}") from None
-        required = [
-            name
-            for name, f in fields.items()
-            if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-        ]
-        raise InputError(
-            f"{source} needs the keys {', '.join(required)} with values of the right length"
-        ) from None
+class _PlantDocuments(Documents):
+    """Reader of plants: a core and an effect are chosen by their names."""
+
+    strict = True
+
+    def read(self, hint: Any, document: Any, source: str) -> Any:
+        """Return the value of an annotation that a document holds."""
+        if isinstance(hint, TypeVar):
+            return core_from_dict(document, source)
+        if hint is Effect:
+            from rdpi_gym.plant.effects import CATALOGUE
+
+            return effect_from_dict(CATALOGUE, document, source)
+        return super().read(hint, document, source)
+
+
+_DOCUMENTS = _PlantDocuments()
 
 
 def core_to_dict(core: Core) -> dict[str, Any]:
@@ -338,28 +320,7 @@ def core_from_dict(document: Any, where: str) -> Core:
     name = body.pop("core", RDPI.name)
     if not isinstance(name, str) or (name != RDPI.name and name not in CORES):
         raise InputError(f"{where}: no core is named {shown(name)}; known are {', '.join(CORES)}")
-    built = _build(RDPI if name == RDPI.name else CORES[name], body, where)
-    assert isinstance(built, Core)
-    return built
-
-
-def _build_effects(documents: Any, where: str) -> tuple[Effect, ...]:
-    if not isinstance(documents, list | tuple):
-        raise InputError(f"{where} is {type(documents).__name__}; expected a list of effects")
-    if not documents:
-        return ()
-    from rdpi_gym.plant.effects import CATALOGUE
-
-    return tuple(effect_from_dict(CATALOGUE, document, where) for document in documents)
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where} is {shown(value)}; expected a number")
-    try:
-        return float(value)
-    except OverflowError:
-        raise InputError(f"{where} is larger than a float can hold") from None
+    return _DOCUMENTS.read_fields(RDPI if name == RDPI.name else CORES[name], body, where)
 
 
 def _pair(name: str, values: Any) -> tuple[float, float]:

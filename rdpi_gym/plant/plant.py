@@ -234,9 +234,10 @@ class Plant:
             Boolean mask ``(B,)`` of the lanes to reset; all by default.
         """
         mask: Any = slice(None) if lanes is None else np.asarray(lanes, dtype=bool)
-        if memory is None and isinstance(u0_V, float):  # an episode's: the same at every reset
-            if self._rest is None or self._rest[0] != u0_V:
-                self._rest = u0_V, self._begun(u0_V, None)
+        rest_V: Any = u0_V
+        if memory is None and isinstance(rest_V, float):  # an episode's: the same at every reset
+            if self._rest is None or self._rest[0] != rest_V:
+                self._rest = rest_V, self._begun(rest_V, None)
             begun = self._rest[1]
         else:
             begun = self._begun(u0_V, memory)

@@ -22,70 +22,31 @@ Side = Literal["x", "y"]
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A line, markers, or both.
+    """A line, markers, or both."""
 
-    Parameters
-    ----------
-    x, y
-        Numbers or names of categories; None or NaN interrupts the line. A single number as `x` is
-        the distance of the samples, from zero on.
-    name
-        Entry in the legend; without one there is none.
-    colour
-        Of the line and the markers.
-    dash
-        Of the line; None: markers alone.
-    width
-        Of the line, in pixels.
-    marker
-        Symbol, by Plotly's names; None: a line alone.
-    size
-        Of the markers, in pixels.
-    fill
-        Colours of the single markers, inside an edge of `colour`.
-    edge
-        Width of the markers' edge, in pixels.
-    group
-        Series of one group are hidden and shown together; the first is in the legend.
-    listed
-        Whether the legend has it.
-    visible
-        Whether it is drawn before it is chosen in the legend.
-    hover, data
-        Text beside a point, and the columns that it takes further values from; an empty text: none.
-    tagged
-        Whether the name stands beside the hover text.
-    errors
-        Lengths of error bars below and above each point, along `errors_along`.
-    area
-        Whether the area down to zero is shaded.
-    texts
-        Text above each point.
-    stepped
-        Whether the line goes in steps, with its treads about the points.
-    """
-
+    # numbers or names of categories; None or NaN interrupts the line, a single number as `x` is the
+    # distance of the samples, from zero on
     x: Any
     y: Any
-    name: str = ""
-    colour: str = PALETTE[0]
-    dash: Dash | None = "solid"
-    width: float | None = None
-    marker: str | None = None
-    size: float = 6.0
-    fill: Any = None
-    edge: float = 1.5
-    group: str | None = None
-    listed: bool = True
-    visible: bool = True
-    hover: str | None = None
-    data: Any = None
-    tagged: bool = False
-    errors: tuple[Any, Any] | None = None
+    name: str = ""  # in the legend; without one there is no entry
+    colour: str = PALETTE[0]  # of the line and the markers
+    dash: Dash | None = "solid"  # None: markers alone
+    width: float | None = None  # of the line (pixels)
+    marker: str | None = None  # symbol, by Plotly's names; None: a line alone
+    size: float = 6.0  # of the markers (pixels)
+    fill: Any = None  # colours of the single markers, inside an edge of `colour`
+    edge: float = 1.5  # width of the markers' edge (pixels)
+    group: str | None = None  # hidden and shown together; the first of a group is in the legend
+    listed: bool = True  # in the legend
+    visible: bool = True  # drawn before it is chosen in the legend
+    hover: str | None = None  # text beside a point; an empty one: none
+    data: Any = None  # columns that the hover text takes further values from
+    tagged: bool = False  # the name stands beside the hover text
+    errors: tuple[Any, Any] | None = None  # lengths of error bars below and above each point
     errors_along: Side = "y"
-    area: bool = False
-    texts: Sequence[str] | None = None
-    stepped: bool = False
+    area: bool = False  # shaded down to zero
+    texts: Sequence[str] | None = None  # above each point
+    stepped: bool = False  # goes in steps, with its treads about the points
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,39 +111,18 @@ Mark = Series | Bars | Level | Bands | Note
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis.
+    """An axis."""
 
-    Parameters
-    ----------
-    label
-        Quantity and unit.
-    log
-        Whether it is logarithmic.
-    limits
-        Its ends, the first of which may be the larger.
-    from_zero
-        Whether it begins at zero.
-    ticks
-        Values and their texts; or ``"decades"``, or ``"1-2-5"`` of each decade.
-    categories
-        Names in their order, of an axis without numbers.
-    reversed
-        Whether the first category stands on top.
-    grid
-        Whether grid lines are drawn.
-    powers
-        Whether large and small numbers are written as powers of ten.
-    """
-
-    label: str = ""
+    label: str = ""  # quantity and unit
     log: bool = False
-    limits: tuple[float, float] | None = None
+    limits: tuple[float, float] | None = None  # the first may be the larger
     from_zero: bool = False
+    # values and their texts, or those of decades
     ticks: tuple[Sequence[float], Sequence[str]] | Literal["decades", "1-2-5"] | None = None
-    categories: Sequence[str] | None = None
-    reversed: bool = False
+    categories: Sequence[str] | None = None  # names in their order, of an axis without numbers
+    reversed: bool = False  # the first category stands on top
     grid: bool = True
-    powers: bool = False
+    powers: bool = False  # large and small numbers as powers of ten
 
 
 @dataclass(frozen=True)
@@ -201,34 +141,18 @@ class Panel:
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure.
-
-    Parameters
-    ----------
-    panels
-        Of the figure.
-    height_px
-        On a page.
-    heights, widths
-        Parts of the rows and columns; equal ones by default.
-    shared
-        Axes that all panels of a column (``"x"``) or row (``"y"``) have in common.
-    gap
-        Between columns, as a part of the figure's width.
-    row_gap
-        Between rows, as a part of the figure's height.
-    legend
-        ``"above"`` the panels, or ``"below"`` in columns.
-    """
+    """A figure."""
 
     panels: Sequence[Panel]
-    height_px: int = 420
+    height_px: int = 420  # on a page
+    # parts of the rows and columns; equal ones by default
     heights: Sequence[float] | None = None
     widths: Sequence[float] | None = None
-    shared: str = ""
+    shared: str = ""  # axes that all panels of a column ("x") or row ("y") have in common
+    # between columns and rows, as parts of the figure's width and height
     gap: float = 0.11
     row_gap: float = 0.06
-    legend: Literal["above", "below"] = "above"
+    legend: Literal["above", "below"] = "above"  # below: in columns
 
 
 def stacked(panels: Sequence[Panel], heights: Sequence[float], height_px: int) -> Chart:

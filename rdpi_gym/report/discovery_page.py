@@ -131,7 +131,7 @@ def write_discovery_page(
         *view_sections(result),
         *parameter_sections(result, {**asked, **catalogue}),
         _checks(result),
-        _left(result),
+        _residual(result),
         *_portrait(result),
         Section("How to read this page", _HOW),
     ]
@@ -196,7 +196,7 @@ def _checks(result: SearchResult) -> Section:
     )
 
 
-def _left(result: SearchResult) -> Section:
+def _residual(result: SearchResult) -> Section:
     paragraphs = [
         f"The final model leaves {in_output(result.unexplained_rmse_um)} rms in excess of the "
         "noise floor.",
@@ -249,7 +249,7 @@ def candidate_sections(result: SearchResult) -> list[Section]:
     figures, tables = {}, []
     without, present = result.base, list[str]()
     for number, candidates in enumerate(rounds, start=1):
-        taken = _taken(result, candidates, present)
+        taken = _chosen(result, candidates, present)
         name = f"Round {number}: added to {joined(present)}" if present else "Round 1"
         figures[name] = ranking(candidates, result.noise_floor_um, without, taken)
         tables.append(_candidate_table(candidates, number, result.probabilities))
@@ -295,7 +295,7 @@ def _evidence(result: SearchResult) -> list[Section]:
     return [Section("Evidence for each candidate", text)]
 
 
-def _taken(
+def _chosen(
     result: SearchResult, candidates: Sequence[Candidate], present: Sequence[str]
 ) -> list[str]:
     """Name the candidates that were taken in a round, also those taken out again later."""

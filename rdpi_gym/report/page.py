@@ -173,7 +173,7 @@ SCRIPT = """
 
 
 VOLTS_AND_MICROMETRES = Quantities()
-"""Of a page that states no other."""
+"""Quantities of a page that states no other."""
 
 # The browser is told to fetch nothing, whatever a figure may ask for.
 _POLICY = (
@@ -184,32 +184,15 @@ _POLICY = (
 
 @dataclass(frozen=True)
 class Section:
-    """One section of a page: what is seen, in words, and the figure or table that shows it.
+    """One section of a page: what is seen, in words, and the figure or table that shows it."""
 
-    Parameters
-    ----------
-    title
-        Heading; it also stands in the table of contents.
-    text
-        Plain text, escaped. A blank line begins a paragraph; a paragraph whose lines all begin
-        with ``- `` is a list.
-    figure
-        A chart or a Plotly figure, several one below the other, or several by name, of which the
-        reader chooses one. Names that come from a user go through
-        :func:`rdpi_gym.report.style.figure_text` inside a Plotly figure; elsewhere they are escaped.
-    table
-        Shown below the figure, sortable by every column.
-
-    Examples
-    --------
-    >>> Section("Error by record", "The second record is worse.").title
-    'Error by record'
-    """
-
-    title: str
+    title: str  # in the table of contents too
+    # plain text, escaped: a blank line begins a paragraph, lines that begin with "- " are a list
     text: str
+    # charts or Plotly figures, in which names that come from a user go through `figure_text`; several
+    # one below the other, or by name, of which the reader chooses one
     figure: Any | Sequence[Any] | Mapping[str, Any] | None = None
-    table: pd.DataFrame | None = None
+    table: pd.DataFrame | None = None  # sortable by every column
 
 
 def write_page(
@@ -219,10 +202,7 @@ def write_page(
     sections: Sequence[Section],
     quantities: Quantities = VOLTS_AND_MICROMETRES,
 ) -> Path:
-    """Write a self-contained page, whole or not at all; it opens without a network.
-
-    Fields of texts, as ``{output_unit}``, are filled in from `quantities`.
-    """
+    """Write a self-contained page that opens without a network, its fields filled in from `quantities`."""
     numbers = count(1)
     say, drawn = _written(quantities, escape).fill, _written(quantities, _in_json).fill
     parts = [say(_section_html(f"s{i}", s, numbers, drawn)) for i, s in enumerate(sections, 1)]

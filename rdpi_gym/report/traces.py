@@ -43,27 +43,13 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A model of a record as it is drawn beside the measurement.
+    """A model of a record as it is drawn beside the measurement."""
 
-    Parameters
-    ----------
-    name
-        In the legend.
-    trace
-        The record, and the model's displacement.
-    colour
-        Of the displacement, and of the residual where it has no name of its own.
-    visible
-        Whether it is drawn before it is chosen in the legend.
-    residual
-        Name of the residual in the legend, where it has an own entry and colour.
-    """
-
-    name: str
-    trace: Trace
-    colour: str = MODEL
-    visible: bool = True
-    residual: str = ""
+    name: str  # in the legend
+    trace: Trace  # the record, and the model's displacement
+    colour: str = MODEL  # of the displacement, and of a residual without an own name
+    visible: bool = True  # drawn before it is chosen in the legend
+    residual: str = ""  # name of the residual in the legend, where it has an own entry and colour
 
 
 def one_model(trace: Trace) -> tuple[Overlay]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -42,8 +44,8 @@ def set_number(
 
 def set_positive(signal: Any, *fields: str) -> None:
     """Store fields as floats after checking that they are finite and above zero."""
-    for field in fields:
-        set_number(signal, field, above=0.0)
+    for name in fields:
+        set_number(signal, name, above=0.0)
 
 
 def set_integer(signal: Any, field: str, *, minimum: int, maximum: int | None = None) -> None:
@@ -64,6 +66,30 @@ def set_numbers(signal: Any, field: str, *, count: int) -> None:
     if values.ndim != 1 or values.size < count or not np.isfinite(values).all():
         raise refuse(signal, field, f"a flat list of at least {count} finite numbers")
     object.__setattr__(signal, field, tuple(values.tolist()))
+
+
+def checked(check: Callable[..., None], **bounds: Any) -> dict[str, Any]:
+    """Return the metadata of a field that ``check(signal, field, **bounds)`` checks and stores."""
+    return {"check": partial(check, **bounds)}
+
+
+def number(default: float, **bounds: float) -> Any:
+    """Return a field of a finite number within the bounds of :func:`set_number`."""
+    return field(default=default, metadata=checked(set_number, **bounds))
+
+
+positive = partial(number, above=0.0)
+"""Field of a finite number above zero."""
+
+
+def whole(default: int, *, minimum: int, maximum: int | None = None) -> Any:
+    """Return a field of a whole number within its bounds."""
+    return field(default=default, metadata=checked(set_integer, minimum=minimum, maximum=maximum))
+
+
+def numbers(default: tuple[float, ...], *, count: int) -> Any:
+    """Return a field of a list of at least `count` finite numbers, stored as a tuple."""
+    return field(default=default, metadata=checked(set_numbers, count=count))
 
 
 # A sample that falls on a jump or a corner up to rounding belongs to what comes after it, so that
@@ -117,14 +143,14 @@ class Signal(ABC):
     name: ClassVar[str]
     in_micrometres: ClassVar[bool] = False
 
-    amplitude_um: float = 1.0
-    offset_um: float = 0.0
-    smooth_start_s: float = 0.0
+    amplitude_um: float = number(1.0, minimum=0.0)
+    offset_um: float = number(0.0)
+    smooth_start_s: float = number(0.0, minimum=0.0)
 
     def __post_init__(self) -> None:
-        set_number(self, "amplitude_um", minimum=0.0)
-        set_number(self, "offset_um")
-        set_number(self, "smooth_start_s", minimum=0.0)
+        for each in fields(self):
+            if "check" in each.metadata:
+                each.metadata["check"](self, each.name)
 
     def __call__(self, t: ArrayLike) -> Array:
         """Return the displacement (µm) at times `t` (s), in the shape of `t`."""

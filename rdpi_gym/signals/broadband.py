@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike, NDArray
 
-from rdpi_gym.signals.base import ROUNDING, Signal, refuse, set_integer, set_number, set_positive
+from rdpi_gym.signals.base import ROUNDING, Signal, number, positive, refuse, whole
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 
@@ -29,11 +29,7 @@ class LineSpectrum(Signal):
         Seed of the phases, 0 or more.
     """
 
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        set_integer(self, "seed", minimum=0)
+    seed: int = whole(0, minimum=0)
 
     @property
     @abstractmethod
@@ -115,14 +111,12 @@ class Multisine(LineSpectrum):
     """
 
     name: ClassVar[str] = "multisine"
-    frequency_hz: float = 1.0
-    lines: int = 16
+    frequency_hz: float = positive(1.0)
+    lines: int = whole(16, minimum=1, maximum=MOST_LINES)
     odd: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_positive(self, "frequency_hz")
-        set_integer(self, "lines", minimum=1, maximum=MOST_LINES)
         if not isinstance(self.odd, bool | np.bool_):
             raise refuse(self, "odd", "True or False")
         object.__setattr__(self, "odd", bool(self.odd))
@@ -157,14 +151,12 @@ class BandLimitedNoise(LineSpectrum):
     """
 
     name: ClassVar[str] = "noise"
-    low_hz: float = 0.0
-    high_hz: float = 50.0
-    repeat_s: float = 10.0
+    low_hz: float = number(0.0, minimum=0.0)
+    high_hz: float = positive(50.0)
+    repeat_s: float = positive(10.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_number(self, "low_hz", minimum=0.0)
-        set_positive(self, "high_hz", "repeat_s")
         # a product that no float holds has no floor
         is_countable = max(self.low_hz, self.high_hz) * self.repeat_s < 1e15
         lines = len(self._harmonics) if is_countable else math.inf
@@ -210,15 +202,13 @@ class RandomWalk(Signal):
         Time that is drawn (s), at least `interval_s`.
     """
 
-    seed: int = 0
-    interval_s: float = 0.01
-    spread_s: float = 1.0
-    duration_s: float = 60.0
+    seed: int = whole(0, minimum=0)
+    interval_s: float = positive(0.01)
+    spread_s: float = positive(1.0)
+    duration_s: float = positive(60.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_integer(self, "seed", minimum=0)
-        set_positive(self, "interval_s", "spread_s", "duration_s")
         if not 1 <= self._increments <= MOST_INCREMENTS:
             raise InputError(
                 f"{self.name}: duration_s = {self.duration_s:g} holds {float(self._increments):g} intervals "
@@ -320,14 +310,13 @@ class Chirp(Signal):
     """
 
     name: ClassVar[str] = "chirp"
-    start_hz: float = 1.0
-    stop_hz: float = 100.0
-    duration_s: float = 10.0
+    start_hz: float = positive(1.0)
+    stop_hz: float = positive(100.0)
+    duration_s: float = positive(10.0)
     sweep: Literal["linear", "logarithmic"] = "linear"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_positive(self, "start_hz", "stop_hz", "duration_s")
         if not isinstance(self.sweep, str) or self.sweep not in ("linear", "logarithmic"):
             raise refuse(self, "sweep", "'linear' or 'logarithmic'")
 
@@ -374,12 +363,8 @@ class DecayingSine(Signal):
     """
 
     name: ClassVar[str] = "decaying-sine"
-    frequency_hz: float = 1.0
-    decay_s: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        set_positive(self, "frequency_hz", "decay_s")
+    frequency_hz: float = positive(1.0)
+    decay_s: float = positive(2.0)
 
     def _shape(self, t: Array) -> Array:
         return np.exp(-t / self.decay_s) * np.sin(2.0 * np.pi * self.frequency_hz * t)

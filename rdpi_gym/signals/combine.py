@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from collections.abc import Sequence as Listed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
 
-from rdpi_gym.signals.base import ROUNDING, Signal, refuse, set_numbers
+from rdpi_gym.signals.base import ROUNDING, Signal, checked, refuse, set_numbers
 from rdpi_gym.signals.steps import Constant
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -114,11 +114,10 @@ class Sequence(Combination):
     """
 
     name: ClassVar[str] = "sequence"
-    durations_s: tuple[float, ...]
+    durations_s: tuple[float, ...] = field(metadata=checked(set_numbers, count=1))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_numbers(self, "durations_s", count=1)
         if min(self.durations_s) <= 0.0:
             raise refuse(self, "durations_s", "durations above 0 s")
         if len(self.durations_s) != len(self.parts):

@@ -12,7 +12,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rdpi_gym.signals.base import ROUNDING, Signal, set_numbers
+from rdpi_gym.signals.base import ROUNDING, Signal, checked, set_numbers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_utf8
@@ -51,13 +51,11 @@ class Measured(Signal):
 
     name: ClassVar[str] = "measured"
     in_micrometres: ClassVar[bool] = True
-    times_s: ArrayLike = field(repr=False)
-    values_um: ArrayLike = field(repr=False)
+    times_s: ArrayLike = field(repr=False, metadata=checked(set_numbers, count=2))
+    values_um: ArrayLike = field(repr=False, metadata=checked(set_numbers, count=2))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_numbers(self, "times_s", count=2)
-        set_numbers(self, "values_um", count=2)
         times, values = self._samples
         if times.size != values.size:
             raise InputError(

@@ -12,13 +12,13 @@ import numpy as np
 from rdpi_gym.signals.base import (
     ROUNDING,
     Signal,
+    number,
+    numbers,
+    positive,
     refuse,
-    set_integer,
-    set_number,
-    set_numbers,
-    set_positive,
     smoothstep,
     smoothstep_rate,
+    whole,
 )
 from rdpi_gym.support.arrays import Array
 
@@ -39,11 +39,7 @@ class Constant(Signal):
     """
 
     name: ClassVar[str] = "constant"
-    level: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        set_number(self, "level")
+    level: float = number(0.0)
 
     def _shape(self, t: Array) -> Array:
         return np.full_like(t, self.level)
@@ -63,11 +59,10 @@ class Staircase(Signal):
         end of each hold (s), at most the hold; 0: a jump.
     """
 
-    rise_s: float = 0.0
+    rise_s: float = number(0.0, minimum=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        set_number(self, "rise_s", minimum=0.0)
         if self.rise_s > self._hold_s:
             raise refuse(self, "rise_s", f"at most the time of one hold, {self._hold_s:g} s")
 
@@ -131,13 +126,8 @@ class Steps(Staircase):
     """
 
     name: ClassVar[str] = "steps"
-    levels: tuple[float, ...] = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5)
-    hold_s: float = 0.1
-
-    def __post_init__(self) -> None:
-        set_positive(self, "hold_s")
-        set_numbers(self, "levels", count=1)
-        super().__post_init__()
+    levels: tuple[float, ...] = numbers((0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5), count=1)
+    hold_s: float = positive(0.1)
 
     @property
     def _hold_s(self) -> float:
@@ -169,15 +159,9 @@ class RandomSteps(Staircase):
     """
 
     name: ClassVar[str] = "random-steps"
-    seed: int = 0
-    hold_s: float = 0.1
-    count: int = 64
-
-    def __post_init__(self) -> None:
-        set_positive(self, "hold_s")
-        set_integer(self, "seed", minimum=0)
-        set_integer(self, "count", minimum=1, maximum=10_000_000)
-        super().__post_init__()
+    seed: int = whole(0, minimum=0)
+    hold_s: float = positive(0.1)
+    count: int = whole(64, minimum=1, maximum=10_000_000)
 
     @property
     def _hold_s(self) -> float:

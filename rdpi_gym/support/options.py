@@ -10,7 +10,7 @@ import functools
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, fields
+from dataclasses import Field, dataclass, field, fields
 from typing import Any, Concatenate, ParamSpec, TypeVar, overload
 
 A = TypeVar("A")
@@ -37,6 +37,11 @@ class Option:
         """Metadata of the dataclass's field."""
         return {_KEY: self}
 
+    @property
+    def optional(self) -> Any:
+        """Field of a dataclass that is None where the option is not given."""
+        return field(default=None, metadata=self.metadata)
+
 
 def option_of(field: Field[Any]) -> Option | None:
     """Return how a command writes a field; None where it does not."""
@@ -44,17 +49,18 @@ def option_of(field: Field[Any]) -> Option | None:
     return found if isinstance(found, Option) else None
 
 
-def meanings(kind: type) -> dict[str, str]:
-    """Return what a class's docstring says of its parameters, by name, without marks of code."""
-    text = inspect.cleandoc(kind.__doc__ or "")
+def entries(docstring: str | None) -> dict[str, tuple[str, str]]:
+    """Form and meaning that a docstring states of each parameter, without marks of code."""
+    text = inspect.cleandoc(docstring or "")
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
-    found: dict[str, str] = {}
+    found: dict[str, tuple[str, str]] = {}
     if section is None:
         return found
     for entry in re.split(r"^(?=\S)", section[1], flags=re.MULTILINE):
-        names, _, paragraph = entry.partition("\n")
+        head, _, paragraph = entry.partition("\n")
+        names, _, form = head.partition(" : ")
         plain = " ".join(paragraph.replace("`", "").split())
-        found |= {name.strip(): plain for name in names.split(",") if name.strip()}
+        found |= {name.strip(): (form, plain) for name in names.split(",") if name.strip()}
     return found
 
 
@@ -96,8 +102,8 @@ def with_options(kind: Any, leading: Any = ...) -> Any:
 
 def option_fields(kind: type) -> list[tuple[Field[Any], Option, str]]:
     """Return the fields of a dataclass that a command has: field, option, help."""
-    told: dict[str, str] = {}
+    told: dict[str, tuple[str, str]] = {}
     for base in reversed(kind.__mro__):
-        told |= meanings(base)
+        told |= entries(base.__doc__)
     found = [(field, option_of(field)) for field in fields(kind)]
-    return [(field, option, told[field.name]) for field, option in found if option is not None]
+    return [(field, option, told[field.name][1]) for field, option in found if option is not None]

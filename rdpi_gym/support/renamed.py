@@ -22,14 +22,18 @@ baselines.horizon baselines.model_predictive
 baselines.inverses.catalogue baselines.inverses.base
 baselines.inverses.lags baselines.inverses.linear
 baselines.inverses.turns baselines.inverses.base
+baselines.iterative_learning baselines.repetitive
+baselines.lanes baselines.base
+baselines.learned.envelope baselines.monitors
 baselines.learned.guard baselines.learned.controller
 baselines.learned.network baselines.learned.policy
-baselines.learned.seen baselines.learned.envelope
-baselines.limits baselines.lanes
+baselines.learned.seen baselines.monitors
+baselines.limits baselines.base
 baselines.lqg baselines.linear_designs
-baselines.memory baselines.lanes
+baselines.memory baselines.base
 baselines.pi_preview baselines.linear_designs
-baselines.products baselines.lanes
+baselines.products baselines.base
+baselines.ringing baselines.monitors
 baselines.smith_predictor baselines.linear_designs
 baselines.stability baselines.feedforward
 baselines.static_gain baselines.feedforward
@@ -43,8 +47,10 @@ rdpi_gym.plant.cores.asymmetric_bouc_wen rdpi_gym.plant.cores.bouc_wen
 rdpi_gym.plant.cores.checks rdpi_gym.plant.cores.families
 rdpi_gym.plant.cores.inner_variable rdpi_gym.plant.cores.families
 rdpi_gym.plant.cores.thresholds rdpi_gym.plant.cores.families
+rdpi_gym.plant.effects.catalogue rdpi_gym.plant.effects
 rdpi_gym.plant.effects.unknown_drives rdpi_gym.plant.effects.unknown
-rdpi_gym.plant.effects.unknown_kernel rdpi_gym.plant.effects.unknown_places
+rdpi_gym.plant.effects.unknown_kernel rdpi_gym.plant.effects.unknown
+rdpi_gym.plant.effects.unknown_places rdpi_gym.plant.effects.unknown
 rdpi_gym.plant.instruments rdpi_gym.plant.model
 rdpi_gym.plant.named rdpi_gym.plant.model
 rdpi_gym.plant.packing rdpi_gym.plant.cores.base
@@ -52,6 +58,8 @@ rdpi_gym.plant.stages rdpi_gym.plant.plant
 rdpi_gym.signals.checks rdpi_gym.signals.base
 rdpi_gym.signals.loops rdpi_gym.signals.periodic
 rdpi_gym.signals.processes rdpi_gym.signals.broadband
+rdpi_gym.signals.raster rdpi_gym.signals.periodic
+rdpi_gym.signals.registry rdpi_gym.signals
 rdpi_gym.signals.sweeps rdpi_gym.signals.broadband
 """
 

@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,57 +21,39 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S, simulate_truth
+from rdpi_gym.virtual_lab.independent.twin import Mechanism, carried
 from rdpi_gym.virtual_lab.truth import Truth
 
 
-class CoreDeformation:
-    """Displacement over the voltage, with the memory of the core.
+def core_deformation(core: Core, step_s: float, parts: int) -> Mechanism:
+    """Displacement (µm) over the voltage of a core that has no formulation of its own: its kernel.
 
-    Of the RDPI model the virtual lab has a formulation of its own; the other cores run their own
-    kernels here, and what is independent of the models that are fitted is all around them.
-
-    Parameters
-    ----------
-    core
-        The hysteresis.
-    step_s
-        Step of the fine grid (s).
-    parts
-        Steps in a sampling interval, over which the rate is taken (Eq. 5).
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P5
-    >>> CoreDeformation(P5.hysteresis, 1e-4, 2)(np.array([0.0, 1.0, 2.0])).round(3).tolist()
-    [0.0, 0.729, 1.458]
+    The rate (Eq. 5) is taken over a sampling interval of `parts` steps of the fine grid (s).
     """
+    parameters = pack([core], step_s, [0.0])
+    last = np.empty(1)
 
-    def __init__(self, core: Core, step_s: float, parts: int) -> None:
-        self._block, self._step, self._parts = type(core).block, step_s, parts
-        self._parameters = pack([core], step_s, [0.0])
-        self._state: Any = empty_state(core.n, 1)
-        self._state[2:, 0] = core.settled(())
-        self._filtered = core.rate_bandwidth_hz is not None
-        self._resting, self._last = core.resting, np.nan
+    def start(u: Array) -> Array:
+        state = empty_state(core.n, 1)
+        state[2:, 0], last[0] = core.settled(()), u[0]
+        state[2:] = core.resting(state[2:], u[:1])
+        return state
 
-    def __call__(self, u: Array) -> Array:
-        """Displacement (µm) for the voltage `u` at the stack."""
-        if np.isnan(self._last):
-            self._last = float(u[0])
-            self._state[2:] = self._resting(self._state[2:], u[:1])
+    def deform(u: Array, state: Array) -> Array:
         command = np.ascontiguousarray(u[:, None])
         v, y = np.empty_like(command), np.empty_like(command)
-        if self._filtered:
-            rate_block(command, self._parameters, self._state, self._step, v)
+        if core.rate_bandwidth_hz is not None:
+            rate_block(command, parameters, state, step_s, v)
         else:
-            begins = np.arange(0, len(u), self._parts)
-            steps = np.minimum(begins + self._parts, len(u)) - begins
+            begins = np.arange(0, len(u), parts)
+            steps = np.minimum(begins + parts, len(u)) - begins
             ends = u[begins + steps - 1]
-            v[:, 0] = np.repeat(np.diff(ends, prepend=self._last) / (steps * self._step), steps)
-        self._block(command, v, self._parameters, self._state, y)
-        self._last = float(u[-1])
-        displacement: Array = y[:, 0]
-        return displacement
+            v[:, 0] = np.repeat(np.diff(ends, prepend=last) / (steps * step_s), steps)
+        type(core).block(command, v, parameters, state, y)
+        last[0] = u[-1]
+        return y[:, 0]
+
+    return carried(start, deform)
 
 
 SETTINGS = "dataset.toml"
@@ -152,7 +133,7 @@ def plant_displacement(
     hysteresis = (
         dataclasses.asdict(plant.hysteresis)
         if isinstance(plant.hysteresis, RDPI)
-        else partial(CoreDeformation, plant.hysteresis)
+        else partial(core_deformation, plant.hysteresis)
     )
     hold = plant.converter.samples(float(t[1] - t[0]))
     index = np.arange(len(u))

@@ -12,7 +12,8 @@ from rdpi_gym.identification.jacobian import Variant, jacobian_rows
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects import CATALOGUE, SLOTS, Effect, Parameter
+from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter
+from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.virtual_lab.dataset import clock, plant_displacement
@@ -258,15 +259,7 @@ def hide_one(names: Sequence[str], truth: Truth, rng: np.random.Generator) -> Tr
 class View:
     """Visibility of effects in the experiments on a plant.
 
-    Parameters
-    ----------
-    truth
-        The plant; what is hidden in it is not looked at.
-
-    Attributes
-    ----------
-    records
-        Commands and times; the displacement is a placeholder.
+    Its records have commands and times; their displacement is a placeholder.
     """
 
     def __init__(self, truth: Truth) -> None:
@@ -283,7 +276,7 @@ class View:
         return all(self._shows(e, [o for o in effects if o is not e]) for e in effects)
 
     def _shows(self, effect: Effect, others: Sequence[Effect]) -> bool:
-        known = sorted([*self._truth.plant.effects, *others], key=_place)
+        known = [*in_chain_order([*self._truth.plant.effects, *others])]
         full, less = self.displacements([*known, effect]), self.displacements(known)
         differences = [a - b for a, b in zip(full, less, strict=True)]
         # without noise every difference can be seen; a billionth of the stroke is none
@@ -297,14 +290,10 @@ class View:
 
     def displacements(self, effects: Sequence[Effect]) -> list[Array]:
         """Displacement of each record (µm) with these effects, without noise."""
-        key = tuple(sorted(effects, key=_place))
+        key = in_chain_order(effects)
         if key not in self._simulated:
             self._simulated[key] = [
                 plant_displacement(self._truth.plant, list(key), r.t_s, r.u_V, _COARSE_S)
                 for r in self.records
             ]
         return self._simulated[key]
-
-
-def _place(effect: Effect) -> tuple[int, int]:
-    return SLOTS.index(effect.slot), effect.order

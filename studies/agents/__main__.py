@@ -14,17 +14,19 @@ from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.progress import progress_bar
-from studies.agents.curves import (
+from studies.agents.page import FILE, page_texts, take_walk, walk_template
+from studies.agents.scores import GAP, GROUPS, Run, World, contestants, score_all, with_literal
+from studies.agents.tables import (
     PICTURE,
+    agents_text,
     curves_text,
+    gap_summary,
+    gap_text,
     learning_bands,
     learning_curves,
     learning_picture,
+    summarise,
 )
-from studies.agents.facts import FILE
-from studies.agents.page import page_texts, take_walk, walk_template
-from studies.agents.scores import GAP, GROUPS, Run, World, contestants, score_all, with_literal
-from studies.agents.tables import agents_text, gap_summary, gap_text, summarise
 from studies.agents.training import BASELINE, FULL, QUICK, Study, Training, all_trainings, train_all
 from studies.chromium import small_png
 
@@ -33,7 +35,7 @@ OUT, DOCS = _ROOT / "studies" / "results" / "agents", _ROOT / "docs"
 POLICIES = _ROOT / "baselines" / "learned" / "policies"
 RUNS, QUICK_RUNS = Path("results/agents"), Path("results/agents-quick")
 STAGES = ("train", "score", "gap", "curves")
-BY_NAME = ("ship", "see", "teach", "walk", "page")
+BY_NAME = ("ship", "teach", "walk", "page")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -108,23 +110,6 @@ def _ship(study: Study, options: Namespace) -> None:
         )
 
 
-def _see(study: Study, options: Namespace) -> None:
-    from studies.agents.shipping import (
-        folder_bytes,
-        see,  # torch, only where needed
-    )
-
-    policies = options.runs / "policies" if study is QUICK else POLICIES
-    for folder in sorted(path for path in policies.iterdir() if path.is_dir()):
-        told = ", ".join(f"{name} {value:g}" for name, value in see(folder, study).items())
-        print(f"{folder.name}: {told}")
-    shipped = pd.read_csv(options.out / "shipped.csv")
-    for place in shipped.index[shipped["ships"]]:
-        name = str(shipped.loc[place, "agent"])
-        shipped.loc[place, "policy_bytes"] = folder_bytes(policies / name)
-    _write(options.out / "shipped.csv", shipped)
-
-
 def _teach(study: Study, options: Namespace) -> None:
     from studies.agents.shipping import teach  # torch, only where needed
 
@@ -151,7 +136,6 @@ _STAGES: dict[str, Callable[[Study, Namespace], None]] = {
     "gap": _gap,
     "curves": _curves,
     "ship": _ship,
-    "see": _see,
     "teach": _teach,
     "walk": _walk,
     "page": _page,

@@ -15,9 +15,8 @@ import pandas as pd
 from baselines import FEEDFORWARDS, LEARNED, make_controller
 from baselines.learned.options import PLANTS, TrainingOptions
 from benchmarks.tracking.case import Case
-from benchmarks.tracking.episode import record
-from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import ERROR, Score, one_line, score_lane, words
+from benchmarks.tracking.controllers import code_fingerprint, task_fingerprint
+from benchmarks.tracking.episode import ERROR, Score, one_line, record, score_lane, words
 from benchmarks.tracking.stages import NOISE_UM, Stage, cases, largest_rate_V_s, make_stage
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of
@@ -53,15 +52,13 @@ class World:
     ()
     """
 
-    name: str
-    # What tables call it.
-    nominal: PlantModel
-    # The plant with its effects.
+    name: str  # in tables
+    nominal: PlantModel  # the plant with its effects
+    # whether its rate is left as the paper writes it, in place of low-passed; beliefs and agents are the same
     literal: bool = False
-    # Whether its rate is left as the paper writes it, in place of low-passed; beliefs and agents
-    # are the same.
-    base_hz: float = 20.0
-    # Lowest frequency (Hz) of its references; the highest is five times as high.
+    base_hz: float = (
+        20.0  # lowest frequency (Hz) of its references; the highest is five times as high
+    )
 
     @property
     def stage(self) -> Stage:
@@ -98,7 +95,7 @@ GROUPS = (
     _group("creep", _CREEP),
     _group("bare"),
 )
-"""Which effects the plants of a group have: a lag, creep and a mode, one of them alone, or none;
+"""Groups of plants by their effects: a lag, creep and a mode, one of them alone, or none;
 all have a noisy sensor."""
 
 GAP = {
@@ -119,7 +116,7 @@ COLUMNS = (
     "contestant", "kind", "training_seed", "world", "plant_seed", "ts_s", "rmse_um", "rmse_percent",
     "worst_percent", "command_variation_V_s", "status",
 )  # fmt: skip
-"""Of a table of scores: a row is one controller on one drawn plant, its numbers means over the
+"""Columns of a table of scores: a row is one controller on one drawn plant, its numbers means over the
 references; ``worst_percent`` is the RMSE of the worst of them. An RMSE in percent is relative to the
 reference's peak to peak. ``training_seed`` is missing where nothing was trained."""
 ROWS_FILE = "rows.jsonl"
@@ -131,14 +128,10 @@ PREVIEW_INVERSION = "preview-inversion"
 class Contestant:
     """A controller that is scored, and the seed of its training."""
 
-    name: str
-    # What tables call it.
-    kind: str
-    # ``agent``, ``feedforward``, ``feedback``, or ``preview``: the only one that is not causal.
-    controller: str
-    # Name for ``make_controller``.
-    seed: int | None = None
-    # Of its training.
+    name: str  # in tables
+    kind: str  # ``agent``, ``feedforward``, ``feedback``, or ``preview``: the only one that is not causal
+    controller: str  # name for ``make_controller``
+    seed: int | None = None  # of its training
 
 
 @dataclass(frozen=True)
@@ -146,16 +139,12 @@ class Run:
     """One contestant in one world: all plants and references side by side."""
 
     contestant: Contestant
-    # What is scored.
     world: World
-    # Where.
-    plants: int
-    # Number of plants; their seeds are 0, 1, ...
-    references: tuple[str, ...]
-    # Names in the benchmark's suite.
+    plants: int  # number of plants; their seeds are 0, 1 and so on
+    references: tuple[str, ...]  # names in the benchmark's suite
 
     def key(self, plant_seed: int) -> str:
-        """What names a row in a store."""
+        """Name of a row in the store."""
         one = self.contestant
         return f"{one.name}/{one.seed}/{self.world.name}/{plant_seed}/{','.join(self.references)}"
 

@@ -1,29 +1,24 @@
-"""The policies that ship: the median training of each agent, and students; each with the envelope of its loops."""
+"""Policies that ship: the median training of each agent, and students."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from baselines.learned.controller import LearnedController, find_learned
-from baselines.learned.environments import HeldOut
-from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.rounds import Options, measured_envelope, train
-from baselines.learned.options import TrainingOptions
+from baselines.learned.imitation.rounds import Options, train
 from baselines.learned.policy import DESCRIPTION, WEIGHTS, Policy
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.files import parse_json, read_utf8, replaced_folder, write_atomic, write_json
+from rdpi_gym.support.files import replaced_folder, write_atomic
 from rdpi_gym.support.progress import Progress
 from studies.agents.tables import interquartile_mean
-from studies.agents.training import Study, Training
+from studies.agents.training import Training
 
 LIMIT_BYTES = 2**20
-"""Of all shipped policies together."""
+"""Most bytes of all shipped policies together."""
 
 
 def seed_scores(scores: pd.DataFrame) -> pd.DataFrame:
@@ -120,25 +115,3 @@ def teach(
         for file in sorted(policy.iterdir()):
             shutil.copyfile(file, fresh / file.name)
     return target / name
-
-
-_LARGEST = 2**20  # bytes of a description
-
-
-def see(folder: Path, study: Study) -> dict[str, float]:
-    """Drive a policy on draws of its own training, and keep how far its loops went."""
-    policy = find_learned(str(folder))
-    if isinstance(policy, StudentPolicy):
-        told = {name: policy.training[name] for name in ("task", "seed", "lanes")}
-        seen = dict(measured_envelope(policy, Options(**told)))
-    else:
-        agent = next(each for each in study.agents if each.name == folder.name)
-        options = study.options(agent, policy.training["seed"], folder)
-        held_out = HeldOut(TrainingOptions(**options))
-        recorder = held_out.recorder()
-        held_out.evaluate(partial(LearnedController, policy), recorder)
-        seen = recorder.largest
-    path = folder / DESCRIPTION
-    document = parse_json(read_utf8(path, _LARGEST), str(path))
-    write_json(path, document | {"seen": seen})
-    return seen

@@ -18,7 +18,7 @@ from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
 
 BASELINE = "inversion-free-low-passed"
-"""What corrections correct, and what trainings are compared with: the best causal compensator on plants
+"""Compensator that corrections correct and trainings are compared with: the best causal one on plants
 with all effects, where PI with a belief that lacks them is unstable."""
 
 
@@ -26,14 +26,12 @@ with all effects, where PI with a belief that lacks them is unstable."""
 class Agent:
     """An algorithm and a reading of its actions."""
 
-    algorithm: Literal["ppo", "sac"]
-    # Of Stable-Baselines3.
-    action: ActionMode
-    # ``correction``: of :data:`BASELINE`; ``increment``: of the command alone.
+    algorithm: Literal["ppo", "sac"]  # of Stable-Baselines3
+    action: ActionMode  # ``correction``: of :data:`BASELINE`; ``increment``: of the command alone
 
     @property
     def name(self) -> str:
-        """What tables and folders call it."""
+        """Name in tables and folders."""
         return f"{self.algorithm}-{self.action}"
 
 
@@ -48,26 +46,32 @@ class Study:
         Agent("sac", "increment"),
     )
     # Each is trained with every seed.
-    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
-    # Of weights, exploration, plants, references and noise of the trainings.
-    timesteps: int | None = None
-    # Steps of a training; None: `n_timesteps` of the algorithm's hyper-parameters.
-    lanes: int | None = None
-    # Plants side by side; None: `n_envs` of the hyper-parameters.
-    every: int | None = None
-    # Steps between evaluations and checkpoints; None: a twentieth of all.
+    seeds: tuple[int, ...] = (
+        0,
+        1,
+        2,
+        3,
+        4,
+    )  # of weights, exploration, plants, references and noise of the trainings
+    timesteps: int | None = (
+        None  # steps of a training; None: `n_timesteps` of the algorithm's hyper-parameters
+    )
+    lanes: int | None = None  # plants side by side; None: `n_envs` of the hyper-parameters
+    every: int | None = None  # steps between evaluations and checkpoints; None: a twentieth of all
     rivals: tuple[str, ...] = tuple(
         name for name in CONTROLLERS if not (inverts_effects(name) or inverts_any_core(name))
     )
     # What agents are compared with. Without effects in the belief those left out are others' doubles.
-    plants: int = 10
-    # Held-out plants of a group, each drawn with a seed of its own.
+    plants: int = 10  # held-out plants of a group, each drawn with a seed of its own
+    # of the benchmark's suite; sines of 25 to 100 Hz, the others about 20 Hz
     references: tuple[str, ...] = ("sine", "triangle", "multisine", "raster", "nested-loops")
-    # Of the benchmark's suite; sines of 25 to 100 Hz, the others about 20 Hz.
-    domains: tuple[str, ...] = ("bare", "with effects", "picma", "picma at 1 Hz")
-    # Of the gap, see `worlds.GAP`.
-    resamples: int = 2000
-    # Of the bootstrap.
+    domains: tuple[str, ...] = (
+        "bare",
+        "with effects",
+        "picma",
+        "picma at 1 Hz",
+    )  # of the gap, see `worlds.GAP`
+    resamples: int = 2000  # of the bootstrap
     taught: tuple[tuple[str, int], ...] = (
         ("Stage", 28_800_000),
         ("Resonance", 28_800_000),
@@ -90,7 +94,7 @@ class Study:
 
 
 FULL = Study()
-"""What the published tables are made of."""
+"""Options of the published tables."""
 
 QUICK = Study(
     agents=(Agent("ppo", "correction"), Agent("sac", "increment")),
@@ -115,13 +119,10 @@ _CONFIG, _CONFIG_FORMAT = "config.json", ("rdpi-training", 1)
 class Training:
     """One agent, trained with one seed."""
 
-    study: Study
-    # What it belongs to.
+    study: Study  # what it belongs to
     agent: Agent
-    seed: int
-    # Which one.
-    runs: Path
-    # Folder of all trainings.
+    seed: int  # which one
+    runs: Path  # folder of all trainings
 
     @property
     def folder(self) -> Path:
@@ -134,7 +135,7 @@ class Training:
         return self.folder / "policy"
 
     def is_finished(self) -> bool:
-        """Whether nothing is left to be trained; a policy without its training counts as finished."""
+        """True if nothing is left to be trained; a policy without its training counts as finished."""
         if not (self.policy / "policy.json").is_file():
             return False
         if not (self.folder / _CONFIG).exists():

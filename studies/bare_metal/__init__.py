@@ -50,7 +50,7 @@ BOARDS: Mapping[str, Board] = {
         "Cortex-M0+", "microbit", ("-mcpu=cortex-m0plus", "-mthumb"), "256K", "16K", 16_000_000
     ),
 }  # fmt: skip
-"""By a short name; the emulator has the Cortex-M0, whose instructions are those of the M0+."""
+"""Boards by a short name; the emulator has the Cortex-M0, whose instructions are those of the M0+."""
 
 
 @cache

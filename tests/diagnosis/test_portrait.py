@@ -18,7 +18,7 @@ from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.unknown import Unknown
-from studies.portraits.plants import SORTS, World
+from studies.portrait_plants import SORTS, World
 
 TS_S, PARTS, NOISE_UM = 5e-3, 4, 0.01
 PLANT = Foreign(1.0, np.linspace(2, 20, 8), np.full(8, 0.08), 0.0, 0.0, 30.0, 40.0, NOISE_UM, 0.0)

@@ -11,8 +11,7 @@ import pytest
 
 from rdpi_gym.cli import main
 from rdpi_gym.plant import P5, PlantModel
-from rdpi_gym.plant.effects import load_effect
-from rdpi_gym.plant.effects.catalogue import ENTRY_POINTS, Catalogue
+from rdpi_gym.plant.effects import ENTRY_POINTS, Catalogue, load_effect
 from rdpi_gym.support.errors import InputError
 
 ROOT = Path(__file__).parents[2]

@@ -18,14 +18,15 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from studies.agents.__main__ import DOCS, OUT, STAGES
 from studies.agents.__main__ import main as agents
-from studies.agents.facts import HYPERPARAMETERS, page_facts
 from studies.agents.page import (
     FILE,
+    HYPERPARAMETERS,
     PAGES,
     RUN,
     STEPS,
     WALK,
     Recorded,
+    page_facts,
     page_texts,
     take_walk,
     walk_template,

@@ -2,7 +2,6 @@
 
 import pickle
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 
@@ -13,28 +12,12 @@ from rdpi_gym.envs.vector.plants import CoreLanes, EffectStages
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, Plant, empty_state, pack
-from rdpi_gym.plant.chain import ACTS_ON, BEHIND, CHAIN, FRONT, in_order, walk
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.effects.base import SLOTS, Slot
 
 EVERY = replace(P10, effects=tuple(kind() for kind in CATALOGUE.values()))
 TS_S = 1e-4
 T = np.arange(600) * TS_S
 U = 30.0 * np.sin(2 * np.pi * 40.0 * T) * np.cos(9.0 * T)
-
-
-def test_slots_are_the_places_of_effects_in_the_order_of_the_list():
-    assert set(SLOTS) == set(get_args(Slot))
-    assert [*SLOTS] == [place for place in CHAIN if place not in ("derivative", "core")]
-    assert (*FRONT, "core", *BEHIND) == CHAIN
-    assert set(ACTS_ON) == set(CHAIN) - {"memory"}
-
-
-def test_links_run_in_the_order_of_the_list_whatever_order_they_are_given_in():
-    said = []
-    links = {place: [lambda s, p=place: said.append(p)] for place in reversed(list(ACTS_ON))}
-    walk(in_order(links), [None, None, None])
-    assert said == [place for place in CHAIN if place != "memory"]
 
 
 def test_the_jacobian_simulates_what_the_plant_does():

@@ -61,21 +61,6 @@ def test_rate_dependent_loop_is_the_same_at_two_sampling_times():
     assert np.abs(loops[0] - loops[1]).max() < 1e-3 * 10
 
 
-@given(commands(12), st.floats(0.1, 0.9), st.floats(0.1, 0.9))
-def test_an_inner_loop_is_wiped_out_when_its_extremum_is_passed(u, depth, height):
-    peak = np.abs(u).max() + 1.0
-    outer = np.concatenate([u, [peak, -peak]])
-    inner_low, inner_high = -peak * depth, peak * height
-    excursion = [inner_high, inner_low, inner_high]
-    once = Plant(static(P10), 1e-3)
-    once.simulate(outer)
-    twice = Plant(static(P10), 1e-3)
-    twice.simulate(np.concatenate([outer, excursion]))
-    for plant in (once, twice):
-        plant.simulate(np.array([-peak]))
-    np.testing.assert_allclose(once.memory, twice.memory, atol=1e-12)
-
-
 @given(commands())
 def test_model_is_odd(u):
     up, down = Plant(P5, 1e-3).simulate(u), Plant(P5, 1e-3).simulate(-u)
@@ -99,12 +84,6 @@ def test_below_the_first_threshold_the_model_is_a_gain():
     np.testing.assert_allclose(Plant(P5, 1e-5).simulate(u), P5.hysteresis.a0 * u, atol=1e-14)
 
 
-def test_a_hold_keeps_the_displacement():
-    u = np.concatenate([np.linspace(0, 20, 50), np.full(30, 20.0)])
-    y = Plant(P10, 1e-3).simulate(u)
-    assert np.ptp(y[51:]) == 0.0
-
-
 @given(st.lists(st.integers(1, 59), max_size=4), st.sampled_from([1, 3, 17]), st.booleans())
 def test_splitting_a_block_anywhere_changes_nothing(cuts, lanes, band_limited):
     model = P5.with_hysteresis(P5.hysteresis.band_limited(800.0)) if band_limited else P5
@@ -114,28 +93,6 @@ def test_splitting_a_block_anywhere_changes_nothing(cuts, lanes, band_limited):
     parts = [pieces.simulate(part) for part in np.split(u, sorted(set(cuts)))]
     np.testing.assert_array_equal(np.concatenate(parts), expected)
     np.testing.assert_array_equal(pieces.memory, whole.memory)
-
-
-@given(st.integers(2, 40), st.integers(0, 2**31))
-def test_lanes_equal_single_runs(lanes, seed):
-    rng = np.random.default_rng(seed)
-    u = rng.normal(0, 10, (50, lanes))
-    models = [
-        P10.with_hysteresis(P10.hysteresis.band_limited(rng.uniform(100, 2000)))
-        for _ in range(lanes)
-    ]
-    together = Plant(models, 1e-4).simulate(u)
-    alone = np.column_stack([Plant(m, 1e-4).simulate(u[:, b]) for b, m in enumerate(models)])
-    np.testing.assert_allclose(together, alone, atol=1e-12)
-
-
-def test_steps_equal_a_block():
-    u = np.random.default_rng(3).normal(0, 10, (40, 2))
-    stepped, block = Plant(P5, 1e-4, 2), Plant(P5, 1e-4, 2)
-    expected = block.simulate(u)
-    np.testing.assert_array_equal(
-        np.concatenate([stepped.step(u[k : k + 1].copy()).copy() for k in range(40)]), expected
-    )
 
 
 def test_band_limited_rate_is_a_first_order_low_pass():

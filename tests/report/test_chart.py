@@ -22,7 +22,7 @@ from rdpi_gym.report.chart import (
 )
 from rdpi_gym.report.chart_matplotlib import chart_png, draw_chart
 from rdpi_gym.report.chart_plotly import plotly_figure
-from rdpi_gym.report.fit import fit_chart
+from rdpi_gym.report.result_pages import fit_chart
 
 NAMES = ["a <b>$x$</b>", "second"]
 

@@ -1,4 +1,4 @@
-"""What an advice asks for is made, and sets that shrink by half are counted."""
+"""Records that an advice asks for are made, and sets that shrink by half are counted."""
 
 from rdpi_gym.diagnosis.notices import RECORDS, Code, Notice
 from rdpi_gym.diagnosis.search.separability import _LIFTS

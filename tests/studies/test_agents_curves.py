@@ -15,9 +15,10 @@ from baselines.learned.policy import Network, Policy, policy_folder
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
-from studies.agents import curves, shipping
+from studies.agents import shipping
+from studies.agents import tables as curves
 from studies.agents.__main__ import OUT, POLICIES, main
-from studies.agents.curves import learning_picture
+from studies.agents.tables import learning_picture
 from studies.agents.training import QUICK, Agent, Training, all_trainings
 
 STEPS = (0, 100, 200)
@@ -61,7 +62,7 @@ def test_the_stage_writes_curves_costs_and_a_picture(tmp_path, capsys):
     assert main(asked) == 0
     assert "curves.md" in capsys.readouterr().out
     table = pd.read_csv(out / "curves.csv")
-    assert tuple(table.columns) == curves.COLUMNS
+    assert tuple(table.columns) == curves.CURVE_COLUMNS
     source = pd.read_csv(one.folder / "training.csv")
     own = table[table["agent"] == one.agent.name]
     assert own["rmse_um"].tolist() == pytest.approx(source["rmse_um"].tolist(), rel=1e-5)
@@ -73,22 +74,16 @@ def test_the_stage_writes_curves_costs_and_a_picture(tmp_path, capsys):
     assert (out / curves.PICTURE).stat().st_size < 100_000
 
 
-def test_without_a_training_there_is_no_curve(tmp_path, capsys):
-    asked = ["--quick", "--stage", "curves", "--runs", str(tmp_path), "--out", str(tmp_path)]
-    assert main(asked) == 2
-    assert "holds no finished training" in capsys.readouterr().err
-    policy_alone = trained(Training(SEEDS, SEEDS.agents[0], 0, tmp_path))
-    (policy_alone.folder / "training.csv").unlink()
-    with pytest.raises(InputError, match="no training has a curve"):
-        curves.learning_curves([policy_alone])
-
-
-def test_a_damaged_curve_is_named(tmp_path):
+def test_curves_that_are_missing_or_damaged_are_named(tmp_path):
     one = trained(Training(SEEDS, SEEDS.agents[0], 0, tmp_path))
+    curve = one.folder / "training.csv"
     for text in ("", "timesteps,seconds\n0,1\n"):
-        (one.folder / "training.csv").write_text(text)
+        curve.write_text(text)
         with pytest.raises(InputError, match=r"training\.csv is no learning curve"):
             curves.learning_curves([one])
+    curve.unlink()
+    with pytest.raises(InputError, match="no training has a curve"):
+        curves.learning_curves([one])
 
 
 def test_a_band_reaches_over_all_trainings_its_line_and_the_costs_are_medians(tmp_path):
@@ -113,10 +108,12 @@ def test_a_band_reaches_over_all_trainings_its_line_and_the_costs_are_medians(tm
 
 def test_the_text_says_how_many_plants_are_evaluated():
     pytest.importorskip("stable_baselines3")
-    from baselines.learned import environments, folder
+    from baselines.learned import environments, options
 
-    assert f"{environments.LANES} held-out plants" in curves.METHOD
-    assert set(curves.COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {"training_reward"}
+    assert f"{environments.LANES} held-out plants" in curves.CURVE_METHOD
+    assert set(curves.CURVE_COLUMNS) - {"agent", "seed"} == set(options.COLUMNS) - {
+        "training_reward"
+    }
 
 
 def test_the_median_is_shipped_and_not_the_best():

@@ -15,6 +15,7 @@ from studies.agents.__main__ import main
 from studies.agents.scores import GAP, GROUPS, with_literal
 from studies.agents.tables import estimate, interquartile_mean, summarise
 from studies.agents.training import FULL, QUICK, all_trainings
+from tests.looping import over
 
 
 @pytest.fixture(scope="module")
@@ -93,8 +94,9 @@ def test_an_interrupted_training_goes_on_and_a_policy_alone_is_finished(folder, 
     assert one.row()["seconds"] is None
 
 
-def test_without_a_training_nothing_is_written(tmp_path, capsys):
-    assert main(arguments(tmp_path, "score")) == 2
+@over("stage", ["score", "gap", "curves"])
+def test_without_a_training_nothing_is_written(stage, tmp_path, capsys):
+    assert main(arguments(tmp_path, stage)) == 2
     said = capsys.readouterr().err
     assert "holds no finished training" in said
     assert said.count("\n") == 1

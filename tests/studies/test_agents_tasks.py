@@ -11,14 +11,15 @@ from benchmarks.stages.ranking import ranking
 from benchmarks.stages.run import run_tasks
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import number
-from studies.agents.tasks import TABLE, leaders, read_rankings, standing_view
+from studies.agents.page import standing_view, task_leaders
+from studies.training_race import TABLE, read_rankings
 
 PAGE = Path(__file__).parents[2] / "docs" / "agents.md"
 
 
 @pytest.mark.slow
 def test_the_shipped_policys_number_on_the_page_is_that_of_a_fresh_scoring(tmp_path):
-    shown = leaders(read_rankings()).set_index("task").loc["Bare"]
+    shown = task_leaders(read_rankings()).set_index("task").loc["Bare"]
     plants = int(TABLE.with_suffix(".md").read_text().split(" plants a task")[0].split()[-1])
     rows = run_tasks([shown["learned"]], ["Bare"], plants, tmp_path, bound=False).rows
     fresh = number(ranking(rows).iloc[0]["iqm_percent"])
@@ -33,7 +34,7 @@ def rankings(*rows):
 
 
 def test_a_policy_that_fails_everywhere_has_no_ratio():
-    found = leaders(
+    found = task_leaders(
         rankings(
             ("Slow", "hybrid", 0.0, 0.2, 0.1),
             ("Slow", "guarded:ppo", 0.0, 0.9, 0.6),
@@ -50,4 +51,6 @@ def test_a_table_that_lacks_policies_is_one_clear_line(tmp_path):
     with pytest.raises(InputError, match=r"^.*no\.csv is missing; run rdpi bench --full$"):
         read_rankings(tmp_path / "no.csv")
     with pytest.raises(InputError, match=r"^Bare has no guarded: policy; score those that ship"):
-        leaders(rankings(("Bare", "hybrid", 0.0, 0.2, 0.1), ("Bare", "learned:a", 0.0, 0.3, 0.2)))
+        task_leaders(
+            rankings(("Bare", "hybrid", 0.0, 0.2, 0.1), ("Bare", "learned:a", 0.0, 0.3, 0.2))
+        )

@@ -1,4 +1,4 @@
-"""What the study of measured records says of a discovery."""
+"""A discovery in the study of measured records."""
 
 from dataclasses import replace
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
-from studies.portraits.__main__ import answers, cases, main, report
-from studies.portraits.plants import PROTOCOLS, SORTS, measured
+from studies.portrait_plants import PROTOCOLS, SORTS, measured
+from studies.portraits import answers, cases, main, report
 from tests.looping import over
 
 DRAWN = Portrait(

@@ -6,7 +6,6 @@ import pytest
 pytest.importorskip("torch")
 
 from studies import training_race
-from studies.agents.tasks import read_rankings
 
 
 def test_the_committed_trainings_beat_the_best_fixed_compensator_within_a_minute():
@@ -18,7 +17,7 @@ def test_the_committed_trainings_beat_the_best_fixed_compensator_within_a_minute
     assert training_race.is_reached(table.loc[training_race.FIRST])
     assert (table["failed"] == 0.0).all()
     rows = pd.read_csv(training_race.RESULTS / "seeds.csv")
-    rival = training_race.best_fixed(read_rankings())
+    rival = training_race.best_fixed(training_race.read_rankings())
     again = training_race.medians(rows, rival["iqm_percent"]).set_index("entrant")
     pd.testing.assert_frame_equal(again, table, rtol=2e-3, check_dtype=False)
 

@@ -65,37 +65,18 @@ def deviation(models, u, ts_s=TS_S):
     return float(deviations(models, u, ts_s).max())
 
 
-def test_every_effect_and_form_is_that_of_the_kernels():
-    u = commands(60, lanes=3)
-    for kind in CATALOGUE.values():
-        for form in (kind, *forms_of(kind)[1:]):
-            assert deviation(random_models(3, form()), u) < 1e-14, form.full_name()
+def follows_the_kernels(forms):
+    for form in forms:
+        assert deviation(random_models(3, form()), commands(25, lanes=3)) < 1e-14, form.full_name()
+
+
+def test_every_effect_is_that_of_the_kernels():
+    follows_the_kernels(CATALOGUE.values())
 
 
 @pytest.mark.slow
-def test_every_effect_is_that_of_the_kernels_over_many_short_samples():
-    """Poles close to one, and delays of many samples."""
-    u = commands(800, lanes=5, ts_s=2e-5)
-    for name, kind in CATALOGUE.items():
-        assert deviation(random_models(5, kind()), u, ts_s=2e-5) < 1e-14, name
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ts_s", [1e-4, 1e-5, 1e-6])
-@pytest.mark.parametrize("hz", [None, 800.0])
-@pytest.mark.parametrize("name", ["P5", "P10", "picma"])
-def test_a_rate_is_that_of_the_kernels_at_any_sampling_time(name, hz, ts_s):
-    model = named_plant(name)
-    model = model.with_hysteresis(model.hysteresis.band_limited(hz))
-    assert deviation(model, commands(600, lanes=4, ts_s=ts_s), ts_s) < 1e-14
-
-
-@pytest.mark.slow
-def test_a_long_run_gathers_no_error():
-    model = named_plant("P10")
-    model = model.with_hysteresis(model.hysteresis.band_limited(800.0))
-    error = deviations(model, commands(10_000, lanes=8))
-    assert error.max() < 1e-14
+def test_every_further_form_is_that_of_the_kernels():
+    follows_the_kernels(form for kind in CATALOGUE.values() for form in kind.forms)
 
 
 @settings(max_examples=25)
@@ -115,7 +96,7 @@ def test_any_walk_of_the_command_is_followed_from_any_rest(walk, seed, rest_V):
 
 
 def test_every_core_is_that_of_the_kernels_or_is_refused():
-    u = commands(60, lanes=3)
+    u = commands(25, lanes=3)
     for name, kind in CORES.items():
         for core in kind.starts(SCALE):
             model = PlantModel(core, name, (-40.0, 40.0), (0.0, 20.0), 0.3)
@@ -247,7 +228,7 @@ def test_gradients_through_time_are_those_of_finite_differences():
     effects = tuple(CATALOGUE[name]() for name in names)
     model = replace(named_plant("P5"), hysteresis=core, effects=effects)
     rng = np.random.default_rng(0)
-    u = np.cumsum(rng.normal(0.0, 2.0, (40, 1)), axis=0)
+    u = np.cumsum(rng.normal(0.0, 2.0, (16, 1)), axis=0)
     plant = TorchPlant(model, TS_S)
     command = torch.from_numpy(u).requires_grad_()
     target = torch.from_numpy(rng.normal(0.0, 1.0, u.shape))
@@ -260,7 +241,7 @@ def test_gradients_through_time_are_those_of_finite_differences():
     score(command).backward()
     for leaf in leaves:
         flat, gradient = leaf.detach().view(-1), leaf.grad.view(-1)
-        for i in range(0, len(flat), max(1, len(flat) // 6)):
+        for i in range(0, len(flat), max(1, len(flat) // 4)):
             value = float(flat[i])
             step = 1e-6 * max(abs(value), 1e-3)
             differences = []

@@ -12,7 +12,7 @@ from rdpi_gym.plant import CORES, P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.dataset import CoreDeformation, plant_displacement
+from rdpi_gym.virtual_lab.dataset import core_deformation, plant_displacement
 from rdpi_gym.virtual_lab.independent import simulate_truth
 from tests.looping import over
 
@@ -45,7 +45,9 @@ def test_on_the_fine_grid_a_plant_does_what_it_does_on_the_coarse_one(name):
 
 def test_of_the_rdpi_model_it_is_the_independent_formulation():
     t, u = path()
-    ours = simulate_truth(lambda step, parts: CoreDeformation(P5.hysteresis, step, parts), [], t, u)
+    ours = simulate_truth(
+        lambda step, parts: core_deformation(P5.hysteresis, step, parts), [], t, u
+    )
     assert float(np.max(np.abs(ours - plant_displacement(P5, [], t, u)))) < 1e-3 * float(
         np.ptp(ours)
     )

@@ -48,7 +48,7 @@ def _flat_runs(u: Array, tolerance: float, fewest: int) -> NDArray[np.intp]:
                 low, high = low_k, high_k
                 continue
         if k - start >= fewest:
-            runs[count] = start, k
+            runs[count, 0], runs[count, 1] = start, k
             count += 1
         if k < u.shape[0]:
             start, low, high = k, u[k], u[k]

@@ -17,11 +17,8 @@ from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect, Parameter
-from rdpi_gym.plant.effects.unknown import Unknown, weight
-from rdpi_gym.plant.effects.unknown_places import (
-    MICROMETRES,
-    VOLTS,
+from rdpi_gym.plant.effects.base import Effect, parameter
+from rdpi_gym.plant.effects.unknown import (
     Before,
     Behind,
     Beside,
@@ -29,30 +26,29 @@ from rdpi_gym.plant.effects.unknown_places import (
     In,
     Place,
     Terms,
+    Unknown,
+    weight,
 )
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.progress import Progress
-
-_POWERS = (
-    weight("weight", "share w"),
-    Parameter("power", "1", 0.0, 8.0, (1.0, 3.0), "exponent a of |s|"),
-    Parameter("rate_power", "1", 0.0, 4.0, (0.0, 2.0), "exponent b of |r|"),
-    Parameter("time_constant_s", "s", 1e-6, 1e9, (0.1, 10.0), "time constant τ of its lag"),
-    Parameter("signed", "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of s", fixed=True),
-    Parameter("rate_signed", "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of r", fixed=True),
-)
 
 
 @dataclass(frozen=True)
 class PowerLaw(Block):
     """One term w |s|^a |r|^b, lagging: it tells exponents, and is no form of the block."""
 
-    weight: float = 0.02
-    power: float = 2.0
-    rate_power: float = 0.0
-    time_constant_s: float = 1.0
-    signed: float = 0.0
-    rate_signed: float = 0.0
+    weight: float = weight(0.02, "share w")
+    power: float = parameter(2.0, "1", 0.0, 8.0, (1.0, 3.0), "exponent a of |s|")
+    rate_power: float = parameter(0.0, "1", 0.0, 4.0, (0.0, 2.0), "exponent b of |r|")
+    time_constant_s: float = parameter(
+        1.0, "s", 1e-6, 1e9, (0.1, 10.0), "time constant τ of its lag"
+    )
+    signed: float = parameter(
+        0.0, "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of s", fixed=True
+    )
+    rate_signed: float = parameter(
+        0.0, "1", 0.0, 1.0, (0.0, 1.0), "whether it has the sign of r", fixed=True
+    )
 
     name = "unknown"
     form = "power law"
@@ -68,22 +64,22 @@ class PowerLaw(Block):
 
 @dataclass(frozen=True)
 class _PowerBefore(Before, PowerLaw):
-    parameters = (*_POWERS, *VOLTS)
+    pass
 
 
 @dataclass(frozen=True)
 class _PowerIn(In, PowerLaw):
-    parameters = (*_POWERS, *VOLTS)
+    pass
 
 
 @dataclass(frozen=True)
 class _PowerBeside(Beside, PowerLaw):
-    parameters = (*_POWERS, *VOLTS)
+    pass
 
 
 @dataclass(frozen=True)
 class _PowerBehind(Behind, PowerLaw):
-    parameters = (*_POWERS, *MICROMETRES)
+    pass
 
 
 POWER_LAWS: Mapping[Place, type[PowerLaw]] = {

@@ -13,8 +13,7 @@ from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attem
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
-from rdpi_gym.plant.effects.unknown import Unknown, is_even
-from rdpi_gym.plant.effects.unknown_places import Block, Place
+from rdpi_gym.plant.effects.unknown import Block, Place, Unknown, is_even
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.progress import Progress
 

@@ -19,27 +19,9 @@ BLOCK = 25
 class ChangingPlant(Plant):
     """Plants that become others at certain samples, behind a converter of finite resolution.
 
-    Displacements and velocities go on where a mode moves, see :meth:`Plant.retune`.
-
-    Parameters
-    ----------
-    models
-        One a lane, as an episode begins.
-    ts_s
-        Sampling time (s).
-    later
-        For each lane what it becomes, by the sample of the episode at which it does.
-    command_step_V
-        Smallest step (V) of the converter; 0: none.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> p5 = named_plant("P5")
-    >>> twice = p5.with_hysteresis(p5.hysteresis.with_gains([2.0 * a for a in p5.hysteresis.gains]))
-    >>> plant = ChangingPlant([p5], 1e-3, [{2: twice}], command_step_V=0.5)
-    >>> [round(float(plant.step(np.array([[u]]))[0, 0]), 3) for u in (0.0, 1.2, 1.2)]
-    [0.0, 0.729, 1.458]
+    `later` says for each lane what it becomes, by the sample of the episode. Displacements and
+    velocities go on where a mode moves, see :meth:`Plant.retune`. `command_step_V` is the smallest
+    step (V) of the converter; 0: none.
     """
 
     def __init__(
@@ -78,21 +60,8 @@ class ChangingPlant(Plant):
 class NoiseLaw:
     """Noise of a sensor, in units of the standard deviation that its plant states.
 
-    Parameters
-    ----------
-    white
-        Standard deviation of the white part.
-    wander
-        Standard deviation of the coloured part, white noise through a first-order low-pass.
-    corner_hz
-        Corner (Hz) of that low-pass.
-    hum
-        Amplitude of the mains, at 50 Hz, its phase drawn for each episode.
-
-    Examples
-    --------
-    >>> NoiseLaw(white=1.0, wander=2.0, corner_hz=5.0, hum=0.0).rms
-    2.23606797749979
+    White noise; white noise through a first-order low-pass of a corner (Hz); and the amplitude of
+    the mains at 50 Hz, its phase drawn for each episode.
     """
 
     white: float = 1.0
@@ -107,24 +76,7 @@ class NoiseLaw:
 
 
 class ColouredNoise:
-    """Noise that remembers: a :class:`~rdpi_gym.envs.tracking.NoiseSource`.
-
-    Parameters
-    ----------
-    law
-        Its parts.
-    ts_s
-        Sampling time (s).
-    rng
-        Where it comes from.
-
-    Examples
-    --------
-    >>> law = NoiseLaw(wander=2.0, hum=1.0)
-    >>> noise = ColouredNoise(law, 1e-4, np.random.default_rng(0)).standard_normal(100_000)
-    >>> bool(abs(noise.std() / law.rms - 1.0) < 0.1)
-    True
-    """
+    """Noise that remembers: a :class:`~rdpi_gym.envs.tracking.NoiseSource`."""
 
     def __init__(self, law: NoiseLaw, ts_s: float, rng: np.random.Generator) -> None:
         self._law, self._ts_s, self._rng = law, ts_s, rng

@@ -47,24 +47,11 @@ Schedule = Callable[[PlantModel, np.random.Generator], Mapping[int, PlantModel]]
 
 @dataclass(frozen=True)
 class Draw:
-    """One plant of a task, with every reference.
+    """One plant of a task with every reference: ``references_um`` (µm), ``(K, R)``, one a column.
 
-    Parameters
-    ----------
-    number
-        Which of its split.
-    truth
-        The plant as an episode begins.
-    later
-        What it becomes, by the sample of the episode.
-    belief
-        What a controller is told: the nominal plant, with its effects.
-    names
-        Of the references.
-    references_um
-        ``(K, R)``, one reference a column.
-    noises
-        Of the sensor, one for each reference; each serves one episode.
+    `later` is what the plant becomes, by the sample of the episode; `belief` what a controller is
+    told: the nominal plant, with its effects. Each of the sensor's `noises`, one for each reference,
+    serves one episode.
     """
 
     number: int
@@ -318,15 +305,7 @@ class StageTask:
 
 @dataclass(frozen=True)
 class Lanes:
-    """Draws of one nominal plant side by side: a lane is a plant with one of its references.
-
-    Parameters
-    ----------
-    task
-        What they are drawn for.
-    draws
-        The plants.
-    """
+    """Draws of one nominal plant side by side: a lane is a plant with one of its references."""
 
     task: StageTask
     draws: tuple[Draw, ...]

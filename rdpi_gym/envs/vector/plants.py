@@ -172,23 +172,9 @@ def _pick(
 class EffectStages:
     """The stages of a plant's effects, and what follows from the parameters of each lane.
 
-    Parameters
-    ----------
-    model
-        The nominal plant.
-    ts_s
-        Sampling time (s).
-    half_width
-        Relative half-width of the effects' parameters.
-
-    Attributes
-    ----------
-    table : int64[n, 6]
-        As :data:`rdpi_gym.envs.vector.chain.Table`.
-    rows : tuple of int
-        Rows of the parameters and of the states of all stages.
-    reads_hysteresis : bool
-        Whether a stage's parameters follow from those of the core too.
+    `table` is as :data:`rdpi_gym.envs.vector.chain.Table`, `rows` holds the rows of the parameters
+    and of the states of all stages; `reads_hysteresis` says whether a stage's parameters follow from
+    those of the core too.
     """
 
     def __init__(self, model: PlantModel, ts_s: float, half_width: float) -> None:

@@ -239,21 +239,9 @@ def begin_noise(
 
 
 class NoiseTables:
-    """Standard normal numbers for the lanes whose sensor has noise.
+    """Standard normal numbers for the lanes whose sensor has noise, float64[N, S, W], and their generators.
 
-    Parameters
-    ----------
-    shape
-        Number of blocks of lanes N, and their width W.
-    share
-        Blocks that a thread has.
-
-    Attributes
-    ----------
-    rngs : uint64[N W, 4]
-        As :func:`draw_noise`; without rows until a lane has noise.
-    tables : float64[N, S, W]
-        As there.
+    As :func:`draw_noise` has them; without rows until a lane has noise.
     """
 
     def __init__(self, shape: tuple[int, int], share: int) -> None:

@@ -61,20 +61,9 @@ class Offer(NamedTuple):
 
 
 class References:
-    """References of B lanes.
+    """References of B lanes; `single`, an environment of the same options, makes signals and refuses them.
 
-    Parameters
-    ----------
-    single
-        An environment of the same options: it makes signals and refuses those that go too far.
-    lanes, shape
-        Number of lanes B; of their blocks N, and their width W.
-    tables_only
-        Whether sines come from tables too, for a baseline that plans over samples.
-    max_steps
-        Steps of an episode.
-    share
-        Blocks that a thread has.
+    With `tables_only` sines come from tables too, for a baseline that plans over samples.
 
     Attributes
     ----------

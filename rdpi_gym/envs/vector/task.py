@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from rdpi_gym.envs.controller import VectorCorrection
+from rdpi_gym.envs.controller import Correction
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
 from rdpi_gym.envs.vector.begin import (
     Column,
@@ -58,23 +58,8 @@ _BEGINNINGS_A_THREAD = 8
 class VectorTask:
     """B lanes of what one environment does, without the rules of autoreset.
 
-    Parameters
-    ----------
-    single
-        One environment of the same options: plant, layout, references and their checks are its.
-    lanes
-        Number of lanes B.
-    max_steps
-        Steps of an episode; None: it never ends.
-    threads
-        Largest number of threads; None: those of numba where there are lanes enough for them.
-
-    Attributes
-    ----------
-    step : int
-        Steps taken so far.
-    next_end : int
-        First step at which an episode ends.
+    Plant, layout, references and their checks are those of `single`. `step` counts the steps so far,
+    `next_end` is the first at which an episode ends.
     """
 
     def __init__(
@@ -119,9 +104,9 @@ class VectorTask:
         self._lanes.p[:] = self._column.p[:, None]
         self._lanes.stage_p[:] = self._column.stage_p[:, None]
         self._work: Array = aligned((threads, WORK, shape[1]))
-        self._correction: VectorCorrection | None = None
+        self._correction: Correction | None = None
         if single.baseline is not None:
-            self._correction = VectorCorrection(single.baseline, single.belief, layout, lanes)
+            self._correction = Correction(single.baseline, single.belief, layout, lanes)
         plans = self._correction is not None and self._correction.plans
         self._references = References(single, lanes, shape, plans, self._max_steps, share)
         self._noise = NoiseTables(shape, share)

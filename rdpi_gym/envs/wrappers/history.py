@@ -27,30 +27,6 @@ class History:
 
     The past is handed in and out, so that environments and trained policies share this code. Before
     an episode begins, all was as in its first observation.
-
-    Parameters
-    ----------
-    layout
-        What an observation shows.
-    steps
-        Number of earlier samples H, 0 or more.
-
-    Raises
-    ------
-    InputError
-        The number of samples is no whole number of 0 or more.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import named_plant
-    >>> layout = ObservationLayout.for_plant(named_plant("P5"), ts_s=1e-4, preview=1)
-    >>> history = History(layout, 2)
-    >>> first = np.array([[0.0, 0.1, 0.2, 0.3]], dtype=np.float32)  # r(k), r(k+1), measured, command
-    >>> past = history.past(first, history.begin(first))
-    >>> history.stack(np.array([[1.0, 1.1, 1.2, 1.3]], dtype=np.float32), past)[0, 4:].tolist() == [
-    ...     *first[0, [0, 2, 3]].tolist(), *first[0, [0, 2, 3]].tolist()
-    ... ]
-    True
     """
 
     layout: ObservationLayout
@@ -113,13 +89,7 @@ class History:
 
 
 def layout_of(env: Any) -> ObservationLayout:
-    """Return the layout of an environment of this package or of a vector of them.
-
-    Raises
-    ------
-    InputError
-        It is another environment.
-    """
+    """Return the layout of an environment of this package, or of a vector of them; refuse any other."""
     layout = getattr(one_of(env), "layout", None)
     if not isinstance(layout, ObservationLayout):
         raise InputError(f"{env} has no observation layout; wrap an environment of rdpi_gym")
@@ -137,14 +107,7 @@ def map_final(
 ) -> dict[str, Any]:
     """Return a vector environment's info with a law applied to the last observations of episodes.
 
-    Parameters
-    ----------
-    infos
-        With ``final_obs`` where SAME_STEP autoreset has reset a lane; otherwise it is handed back.
-    over
-        The lanes whose episode is over, ``(B,)``.
-    law
-        Of a batch, one row for each of these lanes.
+    `law` takes a batch, one row for each lane that is `over`, ``(B,)``.
     """
     if "final_obs" not in infos:
         return infos

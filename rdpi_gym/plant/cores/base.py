@@ -47,6 +47,8 @@ class Core(ABC):
     equation, source, signature, experiment, hardware
         The equation, where it is from, what gives it away in data, what shows it best, where it is
         met; empty unless stated.
+    linear, either_sign
+        The fields that are :attr:`gains`, in their order; those of them that may be negative.
     shape
         The numbers that the displacement is not linear in and that a fit moves, as fields.
     clockwise
@@ -87,6 +89,8 @@ class Core(ABC):
     signature: ClassVar[str] = ""
     experiment: ClassVar[str] = ""
     hardware: ClassVar[str] = ""
+    linear: ClassVar[tuple[str, ...]] = ()
+    either_sign: ClassVar[tuple[str, ...]] = ()
     shape: ClassVar[tuple[Parameter, ...]] = ()
     clockwise: ClassVar[bool | None] = False
     wipes_out: ClassVar[bool] = True
@@ -113,15 +117,23 @@ class Core(ABC):
     def A(self) -> float:
         """Largest gain (µm/V): no command moves the plant farther from rest than A times it."""
 
-    @property
-    @abstractmethod
-    def gains(self) -> tuple[float, ...]:
-        """The numbers that the displacement is linear in, as :meth:`responses` orders them."""
+    def __post_init__(self) -> None:
+        check_shape(self)
+        check_rate_bandwidth(self.rate_bandwidth_hz)
 
     @property
-    @abstractmethod
+    def gains(self) -> tuple[float, ...]:
+        """The numbers that the displacement is linear in, as :meth:`responses` orders them."""
+        return tuple(gain for name in self.linear for gain in self._listed(name))
+
+    @property
     def signed(self) -> tuple[bool, ...]:
         """Which of the gains may be negative."""
+        return tuple(name in self.either_sign for name in self.linear for _ in self._listed(name))
+
+    def _listed(self, name: str) -> tuple[float, ...]:
+        value = getattr(self, name)
+        return value if isinstance(value, tuple) else (value,)
 
     @abstractmethod
     def with_gains(self, gains: Sequence[float]) -> Self:
@@ -145,27 +157,19 @@ class Core(ABC):
         """
 
     def roughness(self) -> Array:
-        """Return the matrix R of the roughness g'R g (µm²) that a fit prices uneven gains g by.
+        """Return R, float64[K, K], of the roughness g'R g (µm²) that a fit prices uneven gains g by.
 
         Gains that records tell only together are then alike, and not whatever the noise makes of
         them. Zero, of gains that are few or have no neighbours: no price.
-
-        Returns
-        -------
-        float64[K, K]
-            Over :attr:`gains`.
         """
         return np.zeros((len(self.gains),) * 2)
 
     @classmethod
     @abstractmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Return where a fit begins, one for each optimum that it may fall into.
+        """Return where a fit to data of a size begins, one for each optimum that it may fall into.
 
-        Parameters
-        ----------
-        scale
-            Size of the data: a core of many fixed thresholds or levels spreads them over it.
+        A core of many fixed thresholds or levels spreads them over the data.
         """
 
     @classmethod
@@ -173,11 +177,6 @@ class Core(ABC):
         """Return what a search for effects begins with: as many fixed thresholds as it needs.
 
         The first of :meth:`starts`, unless stated.
-
-        Parameters
-        ----------
-        scale
-            Size of the data.
         """
         return cls.starts(scale)[0]
 
@@ -198,17 +197,9 @@ class Core(ABC):
         return self
 
     def rated_at(self, fastest_V_s: float) -> Self | None:
-        """Return the core as it would show its dependence on the rate of thresholds, where it has any.
+        """Return the core as it would show thresholds that grow with the rate, up to `fastest_V_s` (V/s).
 
-        Parameters
-        ----------
-        fastest_V_s
-            Largest rate of the command (V/s): what a core without it is given is seen there.
-
-        Returns
-        -------
-        Core or None
-            None: no core of this kind has thresholds that grow with the rate.
+        None, by default: no core of this kind has such thresholds.
         """
         return None
 
@@ -275,10 +266,8 @@ class Core(ABC):
         if self.spaced:
             core = dataclasses.replace(core, thresholds_V=tuple(np.cumsum(gaps * between).tolist()))
         if self.shape:
-            values = [
-                getattr(self, p.name) * f for p, f in zip(self.shape, rest.tolist(), strict=True)
-            ]
-            core = core.with_shape({p.name: x for p, x in zip(self.shape, values, strict=True)})
+            pairs = zip(self.shape, rest.tolist(), strict=True)
+            core = core.with_shape({p.name: getattr(self, p.name) * f for p, f in pairs})
         return core  # type: ignore[no-any-return]
 
     @abstractmethod
@@ -314,6 +303,27 @@ class Core(ABC):
 
 CORES: Mapping[str, type[Core]] = Members("rdpi_gym.plant.cores", Core)  # type: ignore[type-abstract]
 """Every core by its name: a file of this folder that defines one is found."""
+
+
+def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
+    """Refuse a cut-off (Hz) of the rate's low-pass that is neither above zero nor None."""
+    if rate_bandwidth_hz is not None and not (
+        is_finite(rate_bandwidth_hz) and rate_bandwidth_hz > 0
+    ):
+        raise InputError(
+            f"rate_bandwidth_hz is {shown(rate_bandwidth_hz)}; give a frequency above 0 Hz, or None for the literal rate"
+        )
+
+
+def check_shape(core: Core) -> None:
+    """Refuse a number of a core's shape that is not finite or beyond its bounds."""
+    for number in core.shape:
+        value = getattr(core, number.name)
+        if not (is_finite(value) and number.low <= value <= number.high):
+            unit = "" if number.unit == "1" else f" {number.unit}"
+            raise InputError(
+                f"{number.name} is {shown(value)}; give a number from {number.low:g} to {number.high:g}{unit}"
+            )
 
 
 def check_ts(ts_s: float) -> float:

@@ -14,8 +14,6 @@ from rdpi_gym.plant.cores.families import (
     LENGTHS,
     InnerVariable,
     check_gain,
-    check_rate_bandwidth,
-    check_shape,
 )
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -75,6 +73,8 @@ class BoucWen(InnerVariable):
 
     name = "bouc_wen"
     block = staticmethod(bouc_wen_block)
+    linear = ("k", "d")
+    either_sign = ("d",)
     title = "Bouc-Wen model"
     equation = "z' = u' - β |u'| |z|^(n-1) z - γ u' |z|^n, y = k u + d z"
     source = (
@@ -103,10 +103,9 @@ class BoucWen(InnerVariable):
     }
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_gain("k", self.k)
         check_gain("d", self.d, signed=True)
-        check_shape(self)
-        check_rate_bandwidth(self.rate_bandwidth_hz)
         if self.k + self.d <= 0.0:
             raise InputError(f"k + d is {self.k + self.d}; give a gain of small commands above 0")
         if self.k + self._steepest * self.d < 0.0:
@@ -178,16 +177,6 @@ class BoucWen(InnerVariable):
     def A(self) -> float:
         """Largest gain (µm/V): a walk to and fro can carry z up to twice as far as the command."""
         return self.k + 2.0 * max(self._slopes) * max(self.d, 0.0)
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """Slope k and gain d of z (µm/V)."""
-        return self.k, self.d
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """The gain of z: its sign is the way the loops turn."""
-        return False, True
 
     def with_gains(self, gains: Sequence[float]) -> Self:
         """Return the model with other k and d (µm/V), d where the displacement rises throughout."""

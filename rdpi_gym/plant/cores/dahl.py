@@ -15,8 +15,6 @@ from rdpi_gym.plant.cores.families import (
     LENGTHS,
     InnerVariable,
     check_gain,
-    check_rate_bandwidth,
-    check_shape,
 )
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -104,6 +102,7 @@ class Dahl(InnerVariable):
 
     name = "dahl"
     block = staticmethod(dahl_block)
+    linear = ("s",)
     title = "Dahl model of friction"
     equation = "z' = u' (1 - sgn(u') z / zc)^i, y = s z"
     source = (
@@ -124,11 +123,10 @@ class Dahl(InnerVariable):
     cases: ClassVar[Mapping[str, Mapping[str, float]]] = {"one length, no line": {"exponent": 1.0}}
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_gain("s", self.s)
         if not self.s > 0:
             raise InputError(f"s is {self.s}; give a stiffness above 0")
-        check_shape(self)
-        check_rate_bandwidth(self.rate_bandwidth_hz)
 
     @property
     def reach_V(self) -> tuple[float, float]:
@@ -144,16 +142,6 @@ class Dahl(InnerVariable):
     def A(self) -> float:
         """2 s (µm/V): a walk to and fro can carry z up to twice as far as the command goes."""
         return 2.0 * self.s
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """Stiffness s (µm/V)."""
-        return (self.s,)
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """No: friction takes energy."""
-        return (False,)
 
     def with_gains(self, gains: Sequence[float]) -> Self:
         """Return the model with another stiffness (µm/V), which stays above zero."""

@@ -15,8 +15,6 @@ from rdpi_gym.plant.cores.families import (
     LENGTHS,
     InnerVariable,
     check_gain,
-    check_rate_bandwidth,
-    check_shape,
 )
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -87,6 +85,7 @@ class Duhem(InnerVariable):
 
     name = "duhem"
     block = staticmethod(duhem_block)
+    linear = ("b", "c")
     title = "Duhem model of Coleman and Hodgdon"
     equation = "y' = α |u'| (b u - y) + c u', α = 1 / length"
     source = (
@@ -111,10 +110,9 @@ class Duhem(InnerVariable):
     }
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_gain("b", self.b)
         check_gain("c", self.c)
-        check_shape(self)
-        check_rate_bandwidth(self.rate_bandwidth_hz)
         if not (self.c > 0 and 2.0 * self.c >= self.b):
             raise InputError(
                 f"c is {self.c} with b {self.b}; give a c above 0 and at least b / 2, or the displacement falls as the command turns upwards"
@@ -134,16 +132,6 @@ class Duhem(InnerVariable):
     def A(self) -> float:
         """Largest gain (µm/V): b, or 2 c - b where loops turn clockwise."""
         return max(self.b, 2.0 * self.c - self.b)
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """The two slopes b and c (µm/V)."""
-        return self.b, self.c
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """Neither: a displacement that falls as the command rises is none of this model."""
-        return False, False
 
     def with_gains(self, gains: Sequence[float]) -> Self:
         """Return the model with other b and c (µm/V), c above one half of b."""

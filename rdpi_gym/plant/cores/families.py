@@ -12,6 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rdpi_gym.plant.cores.base import Core
+
+# also where a user's cores import them from
+from rdpi_gym.plant.cores.base import check_rate_bandwidth as check_rate_bandwidth
+from rdpi_gym.plant.cores.base import check_shape as check_shape
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite, shown
 from rdpi_gym.support.errors import InputError
@@ -48,27 +52,6 @@ def check_thresholds(thresholds_V: Sequence[float], weights: int, operator: str)
         if not (math.isfinite(high) and high > low):
             raise InputError(
                 f"threshold r_{i} is {high} V after {low} V; thresholds increase from above 0 V"
-            )
-
-
-def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
-    """Refuse a cut-off (Hz) of the rate's low-pass that is neither above zero nor None."""
-    if rate_bandwidth_hz is not None and not (
-        is_finite(rate_bandwidth_hz) and rate_bandwidth_hz > 0
-    ):
-        raise InputError(
-            f"rate_bandwidth_hz is {shown(rate_bandwidth_hz)}; give a frequency above 0 Hz, or None for the literal rate"
-        )
-
-
-def check_shape(core: Core) -> None:
-    """Refuse a number of a core's shape that is not finite or beyond its bounds."""
-    for number in core.shape:
-        value = getattr(core, number.name)
-        if not (is_finite(value) and number.low <= value <= number.high):
-            unit = "" if number.unit == "1" else f" {number.unit}"
-            raise InputError(
-                f"{number.name} is {shown(value)}; give a number from {number.low:g} to {number.high:g}{unit}"
             )
 
 
@@ -130,6 +113,11 @@ class ThresholdCore(Core):
 
     weights: tuple[float, ...]
     thresholds_V: tuple[float, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of thresholds."""
+        return len(self.thresholds_V)
 
     @property
     def first_threshold_V(self) -> float:

@@ -12,8 +12,6 @@ from numba import njit
 
 from rdpi_gym.plant.cores.families import (
     ThresholdCore,
-    check_rate_bandwidth,
-    check_shape,
     check_thresholds,
     check_weights,
     set_numbers,
@@ -185,6 +183,7 @@ class GeneralisedPI(ThresholdCore):
 
     name = "generalised_pi"
     block = staticmethod(generalised_block)
+    linear = ("weights",)
     title = "generalised Prandtl-Ishlinskii model"
     equation = (
         "y = a_0 (g_r(u) + g_f(u)) / 2 + sum of a_i x_i, x_i <- max(g_r(u) - r_i, min(g_f(u) + r_i, "
@@ -215,6 +214,7 @@ class GeneralisedPI(ThresholdCore):
     loose = True
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         set_numbers(self, "weights", "thresholds_V")
         weights = self.weights
         if not weights or not (math.isfinite(weights[0]) and weights[0] > 0):
@@ -223,14 +223,7 @@ class GeneralisedPI(ThresholdCore):
                 f"a_0 is {found}; the model needs a finite a_0 above 0 µm/V, what moves it right after a turn"
             )
         check_weights(weights)
-        check_thresholds(self.thresholds_V, self.n, "play")
-        check_shape(self)
-        check_rate_bandwidth(self.rate_bandwidth_hz)
-
-    @property
-    def n(self) -> int:
-        """Number of plays."""
-        return len(self.weights) - 1
+        check_thresholds(self.thresholds_V, len(weights) - 1, "play")
 
     @property
     def a0(self) -> float:
@@ -244,16 +237,6 @@ class GeneralisedPI(ThresholdCore):
         """Gain (µm/V) where every envelope is steepest and every play slides."""
         mean, largest = 0.5 * (1.0 + self.falling_gain), max(1.0, self.falling_gain)
         return mean * self.weights[0] + largest * math.fsum(self.weights[1:])
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """a_0 ... a_n (µm/V)."""
-        return self.weights
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """No gain: a negative weight would turn part of the loop round."""
-        return (False,) * len(self.weights)
 
     def with_gains(self, gains: Sequence[float]) -> GeneralisedPI:
         """Return the model with other weights (µm/V); a_0 stays above zero."""

@@ -15,8 +15,6 @@ from rdpi_gym.plant.cores.families import (
     LENGTHS,
     InnerVariable,
     check_gain,
-    check_rate_bandwidth,
-    check_shape,
 )
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
@@ -104,6 +102,7 @@ class LuGre(InnerVariable):
 
     name = "lugre"
     block = staticmethod(lugre_block)
+    linear = ("s0", "s1_s", "s2_s")
     title = "LuGre model of friction"
     equation = (
         "z' = v - s0 |v| z / g, g = Fc + (Fs - Fc) exp(-(v / vs)²), y = s0 z + s1 z' + s2 v, v = u'"
@@ -132,12 +131,11 @@ class LuGre(InnerVariable):
     }
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("s0", "s1_s", "s2_s"):
             check_gain(name, getattr(self, name))
         if not self.s0 > 0:
             raise InputError(f"s0 is {self.s0}; give a stiffness above 0")
-        check_shape(self)
-        check_rate_bandwidth(self.rate_bandwidth_hz)
 
     @property
     def reach_V(self) -> tuple[float, float]:
@@ -158,16 +156,6 @@ class LuGre(InnerVariable):
     def rate_gain_um_s_V(self) -> float:
         """Damping s1 + s2 (µm s/V) of a small command; s2 while it slides."""
         return self.s1_s + self.s2_s
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """Stiffness s0 (µm/V), damping s1 and s2 (µm s/V)."""
-        return self.s0, self.s1_s, self.s2_s
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """No gain: friction takes energy."""
-        return False, False, False
 
     def with_gains(self, gains: Sequence[float]) -> Self:
         """Return the model with other s0 (µm/V), s1 and s2 (µm s/V); s0 stays above zero."""

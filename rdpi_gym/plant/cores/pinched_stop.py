@@ -11,8 +11,6 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.families import (
-    check_rate_bandwidth,
-    check_shape,
     check_weights,
     set_numbers,
     settled_memory,
@@ -90,6 +88,8 @@ class PinchedStop(Core):
 
     name = "pinched_stop"
     block = staticmethod(pinched_block)
+    linear = ("slope", "weights")
+    either_sign = ("slope",)
     title = "stop operator with a spring of sections"
     equation = "y = c u + phi(S_r[u]), S_r the stop operator, phi increasing and linear in sections"
     source = (
@@ -106,18 +106,17 @@ class PinchedStop(Core):
     clockwise = True
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         set_numbers(self, "weights")
         if not self.weights:
             raise InputError("weights is empty; give one weight (µm/V) for each section")
         check_weights(self.weights, first=1)
-        check_shape(self)
         if not is_finite(self.slope):
             raise InputError(f"slope is {shown(self.slope)}; c is a finite gain (µm/V)")
         if not self.a0 > 0:
             raise InputError(
                 f"the gain right after a turn, c + the first or the last weight, is {self.a0}; it is above 0 µm/V"
             )
-        check_rate_bandwidth(self.rate_bandwidth_hz)
 
     @property
     def n(self) -> int:
@@ -145,16 +144,6 @@ class PinchedStop(Core):
         knots = self.deflections_V
         forces = np.concatenate([[0.0], np.cumsum(np.array(self.weights) * np.diff(knots))])
         return np.asarray(forces - float(np.interp(0.0, knots, forces)))
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """The slope, and the stiffnesses (µm/V): c, w_1 ... w_K."""
-        return (self.slope, *self.weights)
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """The slope alone: a negative stiffness would jump."""
-        return (True, *(False,) * len(self.weights))
 
     def with_gains(self, gains: Sequence[float]) -> PinchedStop:
         """Return the model with other gains (µm/V); what follows a turn stays above zero."""

@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.cores.families import check_rate_bandwidth, set_numbers, settled_memory
+from rdpi_gym.plant.cores.families import set_numbers, settled_memory
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
@@ -198,6 +198,7 @@ class Preisach(Core):
 
     name = "preisach"
     block = staticmethod(preisach_block)
+    linear = ("reversible_um_V", "weights_um")
     title = "Preisach model"
     equation = (
         "y = c u + sum of μ_jk R_jk[u], R <- max(ρ(u - α_k), min(ρ(u - β_j), R)), ρ(x) = 2 x / w "
@@ -220,6 +221,7 @@ class Preisach(Core):
     loose = True
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         set_numbers(self, "levels_V", "weights_um")
         levels, weights = self.levels_V, self.weights_um
         if not (is_finite(self.reversible_um_V) and self.reversible_um_V >= 0):
@@ -255,7 +257,6 @@ class Preisach(Core):
                 raise InputError(
                     f"the weight at α = {levels[a]:g} V, β = {levels[b]:g} V is {weight}; weights are finite and not negative (µm)"
                 )
-        check_rate_bandwidth(self.rate_bandwidth_hz)
 
     def _pairs(self) -> list[tuple[int, int]]:
         """Places of α and β among the levels, as the weights are ordered."""
@@ -297,16 +298,6 @@ class Preisach(Core):
         triangle = self.triangle
         heaviest = max(float(triangle.sum(axis=axis).max()) for axis in (0, 1))
         return self.reversible_um_V + 2.0 * heaviest / self.ramp_V
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """First c (µm/V), then the weights (µm)."""
-        return (self.reversible_um_V, *self.weights_um)
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """No gain: a relay of negative weight would turn part of the loop round."""
-        return (False,) * (1 + len(self.weights_um))
 
     def with_gains(self, gains: Sequence[float]) -> Preisach:
         """Return the model with other gains; c stays above zero, so that there is an inverse."""

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from rdpi_gym.plant.cores.base import check_rate_bandwidth
 from rdpi_gym.plant.cores.families import (
     ThresholdCore,
-    check_rate_bandwidth,
     check_thresholds,
     check_weights,
     numbers,
@@ -78,6 +78,7 @@ class RDPI(ThresholdCore):
     name = "rdpi"
     block = staticmethod(given_rate_block)
     fused = staticmethod(rdpi_block)
+    linear = ("weights",)
     title = "rate-dependent Prandtl-Ishlinskii model"
     equation = "y = a_0 u + sum of a_i P_i[u], P_i the play operator of threshold r_i + δ2 |v|"
     source = "Aljanaideh, Al Janaideh, Rakotondrabe, Eq. 2 to 5 and 8."
@@ -103,7 +104,7 @@ class RDPI(ThresholdCore):
                 f"a_0 is {found}; the model needs a finite a_0 above 0 µm/V (Eq. 6 divides by it)"
             )
         check_weights(weights)
-        check_thresholds(self.thresholds_V, self.n, "play")
+        check_thresholds(self.thresholds_V, len(weights) - 1, "play")
         if not (is_finite(self.delta2_s) and self.delta2_s >= 0):
             raise InputError(
                 f"delta2_s is {shown(self.delta2_s)}; δ2 is finite and not negative (s)"
@@ -148,11 +149,6 @@ class RDPI(ThresholdCore):
         return cls(given, thresholds, delta2_s, rate_bandwidth_hz)
 
     @property
-    def n(self) -> int:
-        """Number of play operators."""
-        return len(self.weights) - 1
-
-    @property
     def a0(self) -> float:
         """a_0 (µm/V): the gain while every play sticks."""
         return self.weights[0]
@@ -176,16 +172,6 @@ class RDPI(ThresholdCore):
     def rate_gain_um_s_V(self) -> float:
         """-S δ2 (µm s/V): by Eq. 8 every play lags by δ2 |v| more."""
         return -(self.S * self.delta2_s)
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """a_0 ... a_n (µm/V)."""
-        return self.weights
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """No gain: a negative weight would turn part of the loop round."""
-        return (False,) * len(self.weights)
 
     def with_gains(self, gains: Sequence[float]) -> RDPI:
         """Return the model with other weights (µm/V); a_0 stays above zero."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from rdpi_gym.plant.cores.families import (
     ThresholdCore,
-    check_rate_bandwidth,
     check_thresholds,
     check_weights,
     set_numbers,
@@ -75,6 +74,8 @@ class Stop(ThresholdCore):
     name = "stop"
     block = staticmethod(given_rate_block)
     fused = staticmethod(rdpi_block)
+    linear = ("slope", "weights")
+    either_sign = ("slope",)
     title = "Prandtl-Ishlinskii model of stop operators"
     equation = "y = c u + sum of w_i S_i[u], S_i the stop operator of threshold r_i, w_i >= 0"
     source = (
@@ -92,23 +93,18 @@ class Stop(ThresholdCore):
     spaced = True
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         set_numbers(self, "weights", "thresholds_V")
         if not self.weights:
             raise InputError("weights is empty; give one weight (µm/V) for each stop operator")
         check_weights(self.weights, first=1)
-        check_thresholds(self.thresholds_V, self.n, "stop")
+        check_thresholds(self.thresholds_V, len(self.weights), "stop")
         if not is_finite(self.slope):
             raise InputError(f"slope is {shown(self.slope)}; c is a finite gain (µm/V)")
         if not self.a0 > 0:
             raise InputError(
                 f"the gain right after a turn, c + the sum of the weights, is {self.a0}; it is above 0 µm/V"
             )
-        check_rate_bandwidth(self.rate_bandwidth_hz)
-
-    @property
-    def n(self) -> int:
-        """Number of stop operators."""
-        return len(self.weights)
 
     @property
     def a0(self) -> float:
@@ -124,16 +120,6 @@ class Stop(ThresholdCore):
     def force_um(self) -> float:
         """w_1 r_1 + ... + w_n r_n (µm): half of the loop's height while every stop slips."""
         return math.fsum(w * r for w, r in zip(self.weights, self.thresholds_V, strict=True))
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """The slope, and the weights (µm/V): c, w_1 ... w_n."""
-        return (self.slope, *self.weights)
-
-    @property
-    def signed(self) -> tuple[bool, ...]:
-        """The slope alone: a negative weight would turn part of the loop round."""
-        return (True, *(False,) * self.n)
 
     def with_gains(self, gains: Sequence[float]) -> Stop:
         """Return the model with another slope and weights (µm/V); its gain at a turn stays above zero."""

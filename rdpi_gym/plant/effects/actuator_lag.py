@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rdpi_gym.plant.effects.base import Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import Look, Picture, parameter
 from rdpi_gym.plant.effects.linear import FirstOrderLag, SecondOrderLag, ThirdOrderLag
 
 
@@ -18,15 +18,13 @@ class ActuatorLag(FirstOrderLag):
     [0.0, 0.368, 1.135, 2.05]
     """
 
+    time_constant_s: float = parameter(
+        2e-4, "s", 0.0, 0.1, (3e-5, 1e-3), "output resistance x capacitance, τ", neutral=0.0
+    )
+
     name = "actuator_lag"
     slot = "input"
     order = 30
-    parameters = (
-        Parameter(
-            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "output resistance x capacitance, τ",
-            neutral=0.0,
-        ),
-    )  # fmt: skip
     equation = "τ du'/dt + u' = u"
     source = (
         "Capacitive load behind an output resistance; stacks of 10 to 100 µm have 2 to 20 µF "

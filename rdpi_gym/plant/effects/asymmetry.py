@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.play import play
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, Stateless, parameter, rows
 from rdpi_gym.support.arrays import Array
 
 
@@ -34,19 +34,15 @@ class Asymmetry(Stateless):
     [-19.0, 0.0, 21.0]
     """
 
-    coefficient: float = 0.03
-    span_um: float = 40.0
+    coefficient: float = parameter(
+        0.03, "1", -0.4, 0.4, (0.01, 0.05),
+        "distortion c at the displacement Y, as a share of it", neutral=0.0,
+    )  # fmt: skip
+    span_um: float = parameter(40.0, "µm", 1e-9, 1e9, (40.0, 40.0), "displacement Y", fixed=True)
 
     name = "asymmetry"
     slot = "hysteresis"
     order = 20
-    parameters = (
-        Parameter(
-            "coefficient", "1", -0.4, 0.4, (0.01, 0.05),
-            "distortion c at the displacement Y, as a share of it", neutral=0.0,
-        ),
-        Parameter("span_um", "µm", 1e-9, 1e9, (40.0, 40.0), "displacement Y", fixed=True),
-    )  # fmt: skip
     equation = "y = y_h + c y_h² / Y"
     source = (
         "Even part of a memoryless curve behind the plays, in the place where Kuhnen's modified "
@@ -120,9 +116,9 @@ def command_polynomial_block(
             y[t, b] = x[t, b] + p[0, b] * share * bent
 
 
-def _power(k: int, at: str) -> Parameter:
+def _power(default: float, k: int, at: str = "Y") -> Any:
     text = f"share c_{k} of the power {k} at {at}"
-    return Parameter(f"coefficient_{k}", "1", -1.0, 1.0, (-0.05, 0.05), text, neutral=0.0)
+    return parameter(default, "1", -1.0, 1.0, (-0.05, 0.05), text, neutral=0.0)
 
 
 class _Polynomial(Stateless):
@@ -153,12 +149,11 @@ class Cubic(_Polynomial, of=Asymmetry):
     [-17.0, 0.0, 19.0]
     """
 
-    coefficient_2: float = 0.03
-    coefficient_3: float = 0.0
+    coefficient_2: float = _power(0.03, 2)
+    coefficient_3: float = _power(0.0, 3)
     span_um: float = 40.0
 
     form = "cubic"
-    parameters = (_power(2, "Y"), _power(3, "Y"), Asymmetry.parameters[1])
     equation = "y = y_h + Y (c_2 (y_h / Y)² + c_3 (y_h / Y)³)"
 
 
@@ -173,18 +168,12 @@ class OfTheCommand(Stateless, of=Asymmetry):
     [2.0, 6.0]
     """
 
-    coefficient_2: float = 0.03
-    coefficient_3: float = 0.0
-    span_V: float = 40.0
+    coefficient_2: float = _power(0.03, 2, "U")
+    coefficient_3: float = _power(0.0, 3, "U")
+    span_V: float = parameter(40.0, "V", 1e-9, 1e9, (40.0, 40.0), "command U", fixed=True)
     span_um: float = 40.0
 
     form = "of the command"
-    parameters = (
-        _power(2, "U"),
-        _power(3, "U"),
-        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "command U", fixed=True),
-        Asymmetry.parameters[1],
-    )
     equation = "y = y_h + Y (c_2 (u / U)² + c_3 (u / U)³)"
     source = "Gu, Zhu, Su, IEEE Transactions on Industrial Electronics 61(3), 2014."
     signature = "Even and odd harmonics in phase with the command, whatever the loop's width."
@@ -234,20 +223,16 @@ class UnlikeBranches(Effect, of=Asymmetry):
     """
 
     coefficient: float = 0.03
-    difference: float = 0.01
-    reach_V: float = 10.0
+    difference: float = parameter(
+        0.01, "1", -0.4, 0.4, (-0.02, 0.02),
+        "what is more on the rising and less on the falling branch, d", neutral=0.0,
+    )  # fmt: skip
+    reach_V: float = parameter(
+        10.0, "V", 1e-9, 1e9, (5.0, 20.0), "reach r of the stop that tells them"
+    )
     span_um: float = 40.0
 
     form = "unlike branches"
-    parameters = (
-        Asymmetry.parameters[0],
-        Parameter(
-            "difference", "1", -0.4, 0.4, (-0.02, 0.02),
-            "what is more on the rising and less on the falling branch, d", neutral=0.0,
-        ),
-        Parameter("reach_V", "V", 1e-9, 1e9, (5.0, 20.0), "reach r of the stop that tells them"),
-        Asymmetry.parameters[1],
-    )  # fmt: skip
     equation = "y = y_h + (c + d s / r) y_h² / Y, s = stop of u with |s| <= r"
     source = (
         "A stage in the manner of generalised plays, whose branches have envelopes of their own "
@@ -255,6 +240,7 @@ class UnlikeBranches(Effect, of=Asymmetry):
     )
     signature = "Even harmonics, and branches that are not each other's mirror image."
     block = staticmethod(unlike_branches_block)
+    state_rows = rows(2)  # last command and the stop
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -272,10 +258,6 @@ class UnlikeBranches(Effect, of=Asymmetry):
         """Coefficients c / Y and d / Y (1/µm), r (V)."""
         return [self.coefficient / self.span_um, self.difference / self.span_um, self.reach_V]
 
-    def state_rows(self, ts_s: float) -> int:
-        """Last command and the stop."""
-        return 2
-
 
 @dataclass(frozen=True)
 class ToTheFifthDegree(_Polynomial, of=Asymmetry):
@@ -288,14 +270,13 @@ class ToTheFifthDegree(_Polynomial, of=Asymmetry):
     [-17.0, 0.0, 19.0]
     """
 
-    coefficient_2: float = 0.03
-    coefficient_3: float = 0.0
-    coefficient_4: float = 0.0
-    coefficient_5: float = 0.0
+    coefficient_2: float = _power(0.03, 2)
+    coefficient_3: float = _power(0.0, 3)
+    coefficient_4: float = _power(0.0, 4)
+    coefficient_5: float = _power(0.0, 5)
     span_um: float = 40.0
 
     form = "to the fifth degree"
-    parameters = (*(_power(k, "Y") for k in range(2, 6)), Asymmetry.parameters[1])
     equation = "y = y_h + Y (c_2 (y_h / Y)² + ... + c_5 (y_h / Y)⁵)"
 
 
@@ -376,9 +357,9 @@ def unlike_envelopes_block(x: Array, u: Array, p: Array, state: Array, ts: float
         _add_weighted(x[:, b], more, p[_HEAD : _HEAD + n, b].copy(), y[:, b])
 
 
-def _bend(k: int, branch: str) -> Parameter:
+def _bend(default: float, k: int, branch: str) -> Any:
     text = f"share of the power {k} in the envelope of the {branch} branch at U"
-    return Parameter(f"{branch}_{k}", "1", -2.0, 2.0, (-0.05, 0.05), text, neutral=0.0)
+    return parameter(default, "1", -2.0, 2.0, (-0.05, 0.05), text, neutral=0.0)
 
 
 @dataclass(frozen=True)
@@ -397,24 +378,20 @@ class UnlikeEnvelopes(Effect, of=Asymmetry):
     [0.0, 14.5, 6.25]
     """
 
-    rising_2: float = 0.03
-    rising_3: float = 0.0
-    falling_2: float = 0.02
-    falling_3: float = 0.0
-    centre_V: float = 0.0
-    span_V: float = 40.0
+    rising_2: float = _bend(0.03, 2, "rising")
+    rising_3: float = _bend(0.0, 3, "rising")
+    falling_2: float = _bend(0.02, 2, "falling")
+    falling_3: float = _bend(0.0, 3, "falling")
+    centre_V: float = parameter(
+        0.0, "V", -1e9, 1e9, (0.0, 40.0), "command u_c that is not bent", fixed=True
+    )
+    span_V: float = parameter(
+        40.0, "V", 1e-9, 1e9, (40.0, 40.0), "command U, from u_c on", fixed=True
+    )
 
     form = "unlike envelopes"
     order = 5
     weighs_plays = True
-    parameters = (
-        _bend(2, "rising"),
-        _bend(3, "rising"),
-        _bend(2, "falling"),
-        _bend(3, "falling"),
-        Parameter("centre_V", "V", -1e9, 1e9, (0.0, 40.0), "command u_c that is not bent", fixed=True),
-        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "command U, from u_c on", fixed=True),
-    )  # fmt: skip
     equation = (
         "y = a_0 u + Σ a_i ξ_i, ξ_i = max(γ_r(u) - r_i, min(γ_f(u) + r_i, ξ_i(k-1))), "
         "γ(u) = u + U (c_2 s² + c_3 s³), s = (u - u_c) / U"
@@ -425,6 +402,7 @@ class UnlikeEnvelopes(Effect, of=Asymmetry):
         "at one end."
     )
     block = staticmethod(unlike_envelopes_block)
+    state_rows = rows(2)  # last command and rate; the plays come with the core
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -442,10 +420,6 @@ class UnlikeEnvelopes(Effect, of=Asymmetry):
         bends = self.rising_2, self.rising_3, self.falling_2, self.falling_3
         pole = hysteresis.rate_pole(ts_s)
         return [self.centre_V, self.span_V, *bends, delta2_s, pole, *plays]
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last command and rate; the plays come with the core."""
-        return 2
 
     def state_rows_with(self, ts_s: float, hysteresis: Core) -> int:
         """Last command and rate, and both sets of plays."""

@@ -8,9 +8,8 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.play import play
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter, rows
 from rdpi_gym.support.arrays import Array
 
 
@@ -37,14 +36,13 @@ class Backlash(Effect):
     [0.0, 1.5, 1.5, 0.5]
     """
 
-    half_width_um: float = 0.3
+    half_width_um: float = parameter(
+        0.3, "µm", 0.0, 50.0, (0.05, 0.5), "half of the gap, w", neutral=0.0
+    )
 
     name = "backlash"
     slot = "output"
     order = 20
-    parameters = (
-        Parameter("half_width_um", "µm", 0.0, 50.0, (0.05, 0.5), "half of the gap, w", neutral=0.0),
-    )
     equation = "y(k) = max(y_m(k) - w, min(y_m(k) + w, y(k-1)))"
     source = (
         "Play operator, Eq. 4 of the paper, on a length. None in flexures; 0.1 to 5 µm in screws is "
@@ -77,17 +75,10 @@ class Backlash(Effect):
         Look("left_over_command", "What a refit leaves of minor loops", "minor-loops"),
     )
     block = staticmethod(backlash_block)
+    state_rows = rows(1)  # last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Gaps from small to wide: plays imitate one that is far from the start."""
         shares = (3e-3, 0.03, 0.2)
         return tuple(cls.within_bounds(half_width_um=k * scale.stroke_um) for k in shares)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Half width (µm)."""
-        return [self.half_width_um]
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last output."""
-        return 1

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, field, fields, replace
+from inspect import get_annotations
 from typing import Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
@@ -35,6 +36,39 @@ state ``[S, B]``, sampling time (s), output ``[T, B]``; the state is left where 
 without offset in ``hysteresis`` and ``output``; `u` is the command that the plays saw. A kernel
 changes neither, takes a NaN in row 0 of the state for a stage that has seen no sample, and ignores
 rows of the state beyond those that it asked for (lanes share the largest number)."""
+
+
+def parameter(
+    default: float,
+    unit: str,
+    low: float,
+    high: float,
+    typical: tuple[float, float],
+    meaning: str,
+    neutral: float | None = None,
+    fixed: bool = False,
+    step: float | None = None,
+) -> Any:
+    """Return a field of an effect that declares its :class:`Parameter`, under the name of the field.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant.effects import CATALOGUE
+    >>> CATALOGUE["backlash"].parameters[0].meaning
+    'half of the gap, w'
+    """
+    declared = Parameter("", unit, low, high, typical, meaning, neutral, fixed, step)
+    return field(default=default, metadata={"parameter": declared})
+
+
+def rows(count: int) -> Any:
+    """Return a method :meth:`Effect.state_rows` of an effect with as many rows at any sampling time."""
+
+    def state_rows(effect: Effect, ts_s: float) -> int:
+        """Return the number of state rows."""
+        return count
+
+    return state_rows
 
 
 class Look:
@@ -90,7 +124,8 @@ class Effect(ABC):
     slot, order
         Where it stands in the chain, and its place among the effects of that slot.
     parameters
-        One :class:`Parameter` a field.
+        One :class:`Parameter` a field; not stated where the fields declare them by :func:`parameter`.
+        In a further form a field without a declaration has the one of that name in the simplest.
     form
         What tells a further form from the simplest, in words that read after the name ("hard
         rails"); empty for the simplest. See :func:`forms_of`.
@@ -178,6 +213,23 @@ class Effect(ABC):
             for key in _SHARED:
                 if key not in stated and hasattr(of, key):
                     setattr(cls, key, getattr(of, key))
+        if "parameters" not in vars(cls):
+            cls._derive_parameters()
+
+    @classmethod
+    def _derive_parameters(cls) -> None:
+        """Take the parameters from the fields, inherited ones first."""
+        known = {p.name: p for p in cls.simplest.parameters} if cls.simplest else {}
+        bases = reversed(cls.__mro__)
+        found = {p.name: p for base in bases for p in vars(base).get("parameters", ())}
+        for name in get_annotations(cls):
+            value = vars(cls).get(name)
+            if isinstance(value, Field) and "parameter" in value.metadata:
+                found[name] = replace(value.metadata["parameter"], name=name)
+            elif name in known and name not in found:
+                found[name] = known[name]
+        if found:
+            cls.parameters = tuple(found.values())
 
     def __post_init__(self) -> None:
         for parameter in self.parameters:
@@ -206,9 +258,8 @@ class Effect(ABC):
         """
         return issubclass(core, RDPI) or not (cls.weighs_plays or cls.slot == "rate")
 
-    @abstractmethod
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Return the column of ``p`` that the kernel reads.
+        """Return the column of ``p`` that the kernel reads; by default the parameters in order.
 
         Parameters
         ----------
@@ -217,6 +268,7 @@ class Effect(ABC):
         hysteresis
             The plant's core, for an effect that acts on a part of its displacement.
         """
+        return list(self.values.values())
 
     @abstractmethod
     def state_rows(self, ts_s: float) -> int:
@@ -274,13 +326,9 @@ class Effect(ABC):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Return where a fit begins, one for each optimum that it may fall into.
+        """Return where a fit to data of a size begins, one for each optimum that it may fall into.
 
-        Parameters
-        ----------
-        scale
-            Size of the data. By default it is not used: one start, each parameter at the lower end
-            of its typical range, which is a small effect.
+        By default one: each parameter at the lower end of its typical range, a small effect.
         """
         return (cls(**{p.name: p.typical[0] for p in cls.parameters}),)
 
@@ -288,12 +336,7 @@ class Effect(ABC):
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
         """Return where a fit begins once a simpler form of the same effect has been fitted.
 
-        Parameters
-        ----------
-        simpler
-            That form with its fitted values. By default they are not used.
-        scale
-            Size of the data.
+        By default its values are not used: the :meth:`starts`.
         """
         return cls.starts(scale)
 
@@ -311,14 +354,14 @@ class Effect(ABC):
 
     @classmethod
     def seen_in(cls, t_s: Array, left_um: Array) -> tuple[Self, ...]:
-        """Return starts that what a model leaves shows by itself; by default none.
+        """Return starts that the residual of a model shows by itself; by default none.
 
         Parameters
         ----------
         t_s
             Times on the clock of the experiment (s), ``(T,)``.
         left_um
-            What the model leaves there (µm).
+            Residual there (µm).
         """
         return ()
 
@@ -328,11 +371,6 @@ class Effect(ABC):
 
         A linear fit of them tells whether a form is worth its refit where the simplest shows
         nothing. Empty, by default: no such sum is known.
-
-        Parameters
-        ----------
-        scale
-            Size of the data.
         """
         return ()
 
@@ -349,13 +387,7 @@ class Effect(ABC):
         return None
 
     def is_idle(self, scale: DataScale) -> bool:
-        """Whether the effect is without consequence on data of this size; False by default.
-
-        Parameters
-        ----------
-        scale
-            Size of the data.
-        """
+        """Whether the effect is without consequence on data of this size; False by default."""
         return False
 
     def carry(self, state: Array, before: Effect) -> None:  # noqa: B027  # most have nothing to do
@@ -429,19 +461,14 @@ class Effect(ABC):
 class Stateless(Effect):
     """Effect without a state of its own."""
 
-    def state_rows(self, ts_s: float) -> int:
-        """No row."""
-        return 0
+    state_rows = rows(0)
 
 
 class Clocked(Effect):
     """Effect of the time since the experiment began; its only state by default is the clock."""
 
     clocked = True
-
-    def state_rows(self, ts_s: float) -> int:
-        """The clock."""
-        return 1
+    state_rows = rows(1)
 
 
 class Extension(Effect):
@@ -487,28 +514,7 @@ def forms_of(kind: type[Effect]) -> tuple[type[Effect], ...]:
 
 
 def form_named(kind: type[Effect], form: object, source: str) -> type[Effect]:
-    """Return the form of an effect that has a name.
-
-    Parameters
-    ----------
-    kind
-        Any form of the effect.
-    form
-        The name; empty for the simplest.
-    source
-        Named in errors.
-
-    Raises
-    ------
-    InputError
-        The effect has no form of that name.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> form_named(CATALOGUE["creep"], "spectrum", "creep").__name__
-    'Spectrum'
-    """
+    """Return the form of an effect of a name, empty for the simplest; `source` is named in errors."""
     forms = {each.form: each for each in forms_of(kind)}
     if not isinstance(form, str) or form not in forms:
         further = ", ".join(filter(None, forms)) or "none"
@@ -520,32 +526,12 @@ def form_named(kind: type[Effect], form: object, source: str) -> type[Effect]:
 
 
 def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Sort effects as the chain runs them: by slot, then by their order in it.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> chain = in_chain_order([load_effect("delay")(), load_effect("creep")()])
-    >>> [effect.name for effect in chain]
-    ['creep', 'delay']
-    """
+    """Sort effects as the chain runs them: by slot, then by their order in it."""
     return tuple(sorted(effects, key=lambda effect: (SLOTS.index(effect.slot), effect.order)))
 
 
 def kin_of(kinds: Mapping[str, type[Effect]]) -> dict[str, frozenset[str]]:
-    """Return, by effect, those that are mistaken for it or that it is mistaken for.
-
-    Parameters
-    ----------
-    kinds
-        Effects by name.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> sorted(kin_of(CATALOGUE)["delay"])
-    ['actuator_lag', 'rate_law', 'resonance', 'sensor_lag']
-    """
+    """Return, by effect, those that are mistaken for it or that it is mistaken for."""
     return {
         name: frozenset(
             other

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.base import DataScale, Look, Picture, Stateless, parameter
 from rdpi_gym.plant.effects.knots import along_curve, natural_cubics
 from rdpi_gym.support.arrays import Array
 
 
 @njit(cache=True)
 def congruency_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²). No state."""
+    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²), u_c (V). No state."""
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
+            away = u[t, b] - p[2, b]
             plays = x[t, b] - p[0, b] * u[t, b]
-            y[t, b] = x[t, b] + p[1, b] * u[t, b] * u[t, b] * plays
+            y[t, b] = x[t, b] + p[1, b] * away * away * plays
 
 
 @dataclass(frozen=True)
@@ -33,19 +34,16 @@ class Congruency(Stateless):
     [10.0, 15.5]
     """
 
-    coefficient: float = 0.1
-    span_V: float = 40.0
+    coefficient: float = parameter(
+        0.1, "1", -0.9, 5.0, (0.05, 0.3), "relative change c of the weights at U", neutral=0.0
+    )
+    span_V: float = parameter(
+        40.0, "V", 1e-9, 1e9, (40.0, 40.0), "command U at which it is c", fixed=True
+    )
 
     name = "congruency"
     slot = "hysteresis"
     order = 10
-    parameters = (
-        Parameter(
-            "coefficient", "1", -0.9, 5.0, (0.05, 0.3), "relative change c of the weights at U",
-            neutral=0.0,
-        ),
-        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "command U at which it is c", fixed=True),
-    )  # fmt: skip
     equation = "y = a_0 u + (1 + c (u / U)²) Σ a_i ξ_i"
     source = (
         "Weights a_i (1 + c u² / U²) in place of a Preisach density; the amount is an estimate."
@@ -85,20 +83,8 @@ class Congruency(Stateless):
         return (cls.within_bounds(coefficient=0.05, span_V=scale.span_V),)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """a_0 (µm/V) and c / U² (1/V²)."""
-        return [hysteresis.a0, self.coefficient / self.span_V**2]
-
-
-@njit(cache=True)
-def congruency_centred_block(
-    x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
-) -> None:
-    """Kernel; rows of ``p``: a_0 (µm/V), c / U² (1/V²), u_c (V). No state."""
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            away = u[t, b] - p[2, b]
-            plays = x[t, b] - p[0, b] * u[t, b]
-            y[t, b] = x[t, b] + p[1, b] * away * away * plays
+        """a_0 (µm/V), c / U² (1/V²), and the command (V) about which they change."""
+        return [hysteresis.a0, self.coefficient / self.span_V**2, 0.0]
 
 
 @dataclass(frozen=True)
@@ -114,20 +100,18 @@ class AboutTheMiddle(Stateless, of=Congruency):
 
     coefficient: float = 0.1
     span_V: float = 40.0
-    middle_V: float = 0.0
+    middle_V: float = parameter(
+        0.0, "V", -1e9, 1e9, (0.0, 40.0), "command u_c at which it is 0", fixed=True
+    )
 
     form = "about the middle of the range"
-    parameters = (
-        *Congruency.parameters,
-        Parameter("middle_V", "V", -1e9, 1e9, (0.0, 40.0), "command u_c at which it is 0", fixed=True),
-    )  # fmt: skip
     equation = "y = a_0 u + (1 + c ((u - u_c) / U)²) Σ a_i ξ_i"
     source = "As the simplest form; a drive with one sign of voltage has its range about another."
     signature = (
         "Minor loops of the same span differ in area between the middle of the range and its ends, "
         "alike on both sides."
     )
-    block = staticmethod(congruency_centred_block)
+    block = staticmethod(congruency_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -152,9 +136,9 @@ def congruency_polynomial_block(
             y[t, b] = x[t, b] + more * (x[t, b] - p[0, b] * u[t, b])
 
 
-def _power(k: int) -> Parameter:
+def _power(default: float, k: int) -> Any:
     text = f"relative change c_{k} of the weights at U with the power {k}"
-    return Parameter(f"coefficient_{k}", "1", -5.0, 5.0, (-0.2, 0.2), text, neutral=0.0)
+    return parameter(default, "1", -5.0, 5.0, (-0.2, 0.2), text, neutral=0.0)
 
 
 class _Polynomial(Stateless):
@@ -186,12 +170,11 @@ class OddAndEven(_Polynomial, of=Congruency):
     [10.0, 14.5]
     """
 
-    coefficient_1: float = 0.05
-    coefficient_2: float = 0.1
+    coefficient_1: float = _power(0.05, 1)
+    coefficient_2: float = _power(0.1, 2)
     span_V: float = 40.0
 
     form = "odd and even"
-    parameters = (_power(1), _power(2), Congruency.parameters[1])
     equation = "y = a_0 u + (1 + c_1 u / U + c_2 (u / U)²) Σ a_i ξ_i"
 
 
@@ -206,14 +189,13 @@ class ToTheFourthDegree(_Polynomial, of=Congruency):
     [10.0, 15.0]
     """
 
-    coefficient_1: float = 0.05
-    coefficient_2: float = 0.1
-    coefficient_3: float = 0.0
-    coefficient_4: float = 0.0
+    coefficient_1: float = _power(0.05, 1)
+    coefficient_2: float = _power(0.1, 2)
+    coefficient_3: float = _power(0.0, 3)
+    coefficient_4: float = _power(0.0, 4)
     span_V: float = 40.0
 
     form = "to the fourth degree"
-    parameters = (*(_power(k) for k in range(1, 5)), Congruency.parameters[1])
     equation = "y = a_0 u + (1 + c_1 u / U + ... + c_4 (u / U)⁴) Σ a_i ξ_i"
 
 
@@ -224,6 +206,11 @@ def congruency_curve_block(x: Array, u: Array, p: Array, state: Array, ts: float
         for b in range(x.shape[1]):
             more = along_curve(max(u[t, b] - p[1, b], 0.0), p[2:], b)
             y[t, b] = x[t, b] + more * (x[t, b] - p[0, b] * u[t, b])
+
+
+def _knot(default: float, k: int) -> Any:
+    text = f"relative change of the weights at u_c - U + {k} U / 4, z{k}"
+    return parameter(default, "1", -5.0, 5.0, (-0.2, 0.2), text, neutral=0.0)
 
 
 @dataclass(frozen=True)
@@ -239,29 +226,20 @@ class AlongACurve(Stateless, of=Congruency):
     [10.0, 10.8, 5.2]
     """
 
-    at_1: float = 0.0
-    at_2: float = 0.0
-    at_3: float = 0.0
-    at_4: float = 0.1
-    at_5: float = 0.0
-    at_6: float = 0.0
-    at_7: float = 0.0
-    at_8: float = 0.0
-    centre_V: float = 0.0
-    span_V: float = 40.0
+    at_1: float = _knot(0.0, 1)
+    at_2: float = _knot(0.0, 2)
+    at_3: float = _knot(0.0, 3)
+    at_4: float = _knot(0.1, 4)
+    at_5: float = _knot(0.0, 5)
+    at_6: float = _knot(0.0, 6)
+    at_7: float = _knot(0.0, 7)
+    at_8: float = _knot(0.0, 8)
+    centre_V: float = parameter(
+        0.0, "V", -1e9, 1e9, (0.0, 40.0), "middle u_c of the range", fixed=True
+    )
+    span_V: float = parameter(40.0, "V", 1e-9, 1e9, (40.0, 40.0), "half U of the range", fixed=True)
 
     form = "along a curve"
-    parameters = (
-        *(
-            Parameter(
-                f"at_{k}", "1", -5.0, 5.0, (-0.2, 0.2),
-                f"relative change of the weights at u_c - U + {k} U / 4, z{k}", neutral=0.0,
-            )
-            for k in range(1, 9)
-        ),
-        Parameter("centre_V", "V", -1e9, 1e9, (0.0, 40.0), "middle u_c of the range", fixed=True),
-        Parameter("span_V", "V", 1e-9, 1e9, (40.0, 40.0), "half U of the range", fixed=True),
-    )  # fmt: skip
     equation = (
         "y = a_0 u + (1 + z(u)) Σ a_i ξ_i, z a natural cubic spline, z(u_c - U + k U / 4) = zk"
     )

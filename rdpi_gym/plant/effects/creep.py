@@ -6,13 +6,13 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter
 from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.support.arrays import Array
 
@@ -127,17 +127,14 @@ class Creep(Effect):
     0.98
     """
 
-    gain_per_decade: float = 0.015
+    gain_per_decade: float = parameter(
+        0.015, "1", 0.0, 0.1, (0.01, 0.02),
+        "displacement gained in a decade of time, γ", neutral=0.0,
+    )  # fmt: skip
 
     name = "creep"
     slot = "hysteresis"
     order = 30
-    parameters = (
-        Parameter(
-            "gain_per_decade", "1", 0.0, 0.1, (0.01, 0.02),
-            "displacement gained in a decade of time, γ", neutral=0.0,
-        ),
-    )  # fmt: skip
     equation = (
         "y = y_h + (γ / m) Σ_k z_k, τ_k dz_k/dt + z_k = y_h, m = 2 a decade, τ_k = 0.01 ... 1000 s"
     )
@@ -231,14 +228,10 @@ class OneTimeConstant(_TimeConstants, of=Creep):
     1.0
     """
 
-    gain: float = 0.02
-    time_constant_s: float = 1.0
+    gain: float = parameter(0.02, "1", *_GAIN, "displacement gained at last, g", neutral=0.0)
+    time_constant_s: float = parameter(1.0, "s", *_TIME, (0.1, 10.0), "time constant τ")
 
     form = "one time constant"
-    parameters = (
-        Parameter("gain", "1", *_GAIN, "displacement gained at last, g", neutral=0.0),
-        Parameter("time_constant_s", "s", *_TIME, (0.1, 10.0), "time constant τ"),
-    )
     equation = "y = y_h + g z, τ dz/dt + z = y_h"
     signature = (
         "In a hold y drifts in the direction of the last step and comes to rest, as exp(-t/τ)."
@@ -265,19 +258,16 @@ class BetweenTwoTimes(_Elements, of=Creep):
     52.0
     """
 
-    gain_per_decade: float = 0.015
-    shortest_s: float = 0.01
-    longest_s: float = 100.0
+    gain_per_decade: float = parameter(
+        0.015, "1", 0.0, 1.0, (0.01, 0.02),
+        "displacement gained in a decade of time, γ", neutral=0.0,
+    )  # fmt: skip
+    shortest_s: float = parameter(
+        0.01, "s", *_TIME, (0.003, 0.1), "time τ_a at which the slope begins"
+    )
+    longest_s: float = parameter(100.0, "s", *_TIME, (10.0, 1e3), "time τ_b at which it ends")
 
     form = "between two times"
-    parameters = (
-        Parameter(
-            "gain_per_decade", "1", 0.0, 1.0, (0.01, 0.02),
-            "displacement gained in a decade of time, γ", neutral=0.0,
-        ),
-        Parameter("shortest_s", "s", *_TIME, (0.003, 0.1), "time τ_a at which the slope begins"),
-        Parameter("longest_s", "s", *_TIME, (10.0, 1e3), "time τ_b at which it ends"),
-    )  # fmt: skip
     equation = (
         "y = y_h + (γ lg(τ_b / τ_a) / 11) Σ_k z_k, τ_k dz_k/dt + z_k = y_h, τ_k in the middle of 11 "
         "equal parts of log τ from τ_a to τ_b"
@@ -317,18 +307,16 @@ class TwoTimeConstants(_TimeConstants, of=Creep):
     1.5
     """
 
-    gain_1: float = 0.02
-    time_constant_1_s: float = 0.3
-    gain_2: float = 0.02
-    time_constant_2_s: float = 3.0
+    gain_1: float = parameter(
+        0.02, "1", *_GAIN, "displacement gained by the first element, g_1", 0.0
+    )
+    time_constant_1_s: float = parameter(0.3, "s", *_TIME, (0.1, 1.0), "its time constant τ_1")
+    gain_2: float = parameter(
+        0.02, "1", *_GAIN, "displacement gained by the second element, g_2", 0.0
+    )
+    time_constant_2_s: float = parameter(3.0, "s", *_TIME, (1.0, 10.0), "its time constant τ_2")
 
     form = "two time constants"
-    parameters = (
-        Parameter("gain_1", "1", *_GAIN, "displacement gained by the first element, g_1", 0.0),
-        Parameter("time_constant_1_s", "s", *_TIME, (0.1, 1.0), "its time constant τ_1"),
-        Parameter("gain_2", "1", *_GAIN, "displacement gained by the second element, g_2", 0.0),
-        Parameter("time_constant_2_s", "s", *_TIME, (1.0, 10.0), "its time constant τ_2"),
-    )
     equation = "y = y_h + g_1 z_1 + g_2 z_2, τ_k dz_k/dt + z_k = y_h"
     signature = (
         "In a hold y drifts in the direction of the last step, by the sum of two exponentials."
@@ -370,22 +358,20 @@ class ThreeTimeConstants(_TimeConstants, of=Creep):
     2.0
     """
 
-    gain_1: float = 0.02
-    time_constant_1_s: float = 0.1
-    gain_2: float = 0.02
-    time_constant_2_s: float = 1.0
-    gain_3: float = 0.02
-    time_constant_3_s: float = 10.0
+    gain_1: float = parameter(
+        0.02, "1", *_GAIN, "displacement gained by the first element, g_1", 0.0
+    )
+    time_constant_1_s: float = parameter(0.1, "s", *_TIME, (0.03, 0.3), "its time constant τ_1")
+    gain_2: float = parameter(
+        0.02, "1", *_GAIN, "displacement gained by the second element, g_2", 0.0
+    )
+    time_constant_2_s: float = parameter(1.0, "s", *_TIME, (0.3, 3.0), "its time constant τ_2")
+    gain_3: float = parameter(
+        0.02, "1", *_GAIN, "displacement gained by the third element, g_3", 0.0
+    )
+    time_constant_3_s: float = parameter(10.0, "s", *_TIME, (3.0, 30.0), "its time constant τ_3")
 
     form = "three time constants"
-    parameters = (
-        Parameter("gain_1", "1", *_GAIN, "displacement gained by the first element, g_1", 0.0),
-        Parameter("time_constant_1_s", "s", *_TIME, (0.03, 0.3), "its time constant τ_1"),
-        Parameter("gain_2", "1", *_GAIN, "displacement gained by the second element, g_2", 0.0),
-        Parameter("time_constant_2_s", "s", *_TIME, (0.3, 3.0), "its time constant τ_2"),
-        Parameter("gain_3", "1", *_GAIN, "displacement gained by the third element, g_3", 0.0),
-        Parameter("time_constant_3_s", "s", *_TIME, (3.0, 30.0), "its time constant τ_3"),
-    )
     equation = "y = y_h + g_1 z_1 + g_2 z_2 + g_3 z_3, τ_k dz_k/dt + z_k = y_h"
     signature = (
         "In a hold y drifts in the direction of the last step, by the sum of three exponentials."
@@ -421,6 +407,10 @@ def _named(gains: Sequence[float], time_constants_s: Sequence[float]) -> dict[st
     }
 
 
+def _gain_at(time: str, k: int) -> Any:
+    return parameter(0.01, "1", *_GAIN, f"displacement gained by the element of {time}, g_{k}", 0.0)
+
+
 @dataclass(frozen=True)
 class Spectrum(_Elements, of=Creep):
     """Kelvin-Voigt elements of any gains, one for each decade from 0.01 to 1000 s.
@@ -432,21 +422,14 @@ class Spectrum(_Elements, of=Creep):
     1.5
     """
 
-    gain_at_10ms: float = 0.01
-    gain_at_100ms: float = 0.01
-    gain_at_1s: float = 0.01
-    gain_at_10s: float = 0.01
-    gain_at_100s: float = 0.01
-    gain_at_1000s: float = 0.01
+    gain_at_10ms: float = _gain_at("10ms", 1)
+    gain_at_100ms: float = _gain_at("100ms", 2)
+    gain_at_1s: float = _gain_at("1s", 3)
+    gain_at_10s: float = _gain_at("10s", 4)
+    gain_at_100s: float = _gain_at("100s", 5)
+    gain_at_1000s: float = _gain_at("1000s", 6)
 
     form = "spectrum"
-    parameters = tuple(
-        Parameter(
-            f"gain_at_{time}", "1", *_GAIN,
-            f"displacement gained by the element of {time}, g_{k}", 0.0
-        )
-        for k, time in enumerate(("10ms", "100ms", "1s", "10s", "100s", "1000s"), start=1)
-    )  # fmt: skip
     equation = "y = y_h + Σ_k g_k z_k, τ_k dz_k/dt + z_k = y_h, τ_k = 0.01, 0.1, 1 ... 1000 s"
     signature = "In a hold y drifts in the direction of the last step, ever more slowly."
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter
 from rdpi_gym.support.arrays import Array
 
 
@@ -56,14 +56,11 @@ class Delay(Effect):
     [0.0, 0.0, 0.0, 0.75, 3.25]
     """
 
-    delay_s: float = 1e-4
+    delay_s: float = parameter(1e-4, "s", 0.0, 0.02, (1e-5, 5e-4), "transport delay T", neutral=0.0)
 
     name = "delay"
     slot = "output"
     order = 50
-    parameters = (
-        Parameter("delay_s", "s", 0.0, 0.02, (1e-5, 5e-4), "transport delay T", neutral=0.0),
-    )
     equation = "y(t) = y_m(t - T)"
     source = (
         "A zero-order hold delays by half a sample and computing by one or two; 10 to 500 µs is an "
@@ -129,12 +126,9 @@ class DelayInSamples(Effect, of=Delay):
     [0.0, 0.0, 1.0, 4.0]
     """
 
-    samples: float = 1.0
+    samples: float = parameter(1.0, "1", 0.0, 10.0, (0.5, 2.0), "delay in samples, n", neutral=0.0)
 
     form = "whole samples"
-    parameters = (
-        Parameter("samples", "1", 0.0, 10.0, (0.5, 2.0), "delay in samples, n", neutral=0.0),
-    )
     equation = "y(t) = y_m(t - n Ts), Ts of that record"
     cause = (
         "Command and displacement are converted one after the other, or written in different rows: "

@@ -27,6 +27,7 @@ def summary(kind: type[Effect]) -> str:
 
 def describe(kind: type[Effect]) -> dict[str, Any]:
     """Return what an effect declares as a JSON object."""
+    texts = ("cause", "hardware", "magnitude", "signature", "experiment", "remedy")
     return {
         "effect": kind.name,
         "summary": summary(kind),
@@ -43,12 +44,7 @@ def describe(kind: type[Effect]) -> dict[str, Any]:
             }
             for form in kind.forms
         ],
-        "cause": kind.cause,
-        "hardware": kind.hardware,
-        "magnitude": kind.magnitude,
-        "signature": kind.signature,
-        "experiment": kind.experiment,
-        "remedy": kind.remedy,
+        **{text: getattr(kind, text) for text in texts},
         "mistaken_for": list(kind.mistaken_for),
         "source": kind.source,
     }
@@ -57,17 +53,12 @@ def describe(kind: type[Effect]) -> dict[str, Any]:
 def _parameters(kind: type[Effect]) -> list[dict[str, Any]]:
     defaults = kind().values
     return [
-        {
-            "name": p.name,
-            "unit": p.unit,
-            "default": defaults[p.name],
-            "low": p.low,
-            "high": p.high,
-            "typical": list(p.typical),
-            "neutral": p.neutral,
-            "fixed": p.fixed,
-            "meaning": p.meaning,
+        {"name": p.name, "unit": p.unit, "default": defaults[p.name]}
+        | {
+            key: getattr(p, key)
+            for key in ("low", "high", "typical", "neutral", "fixed", "meaning")
         }
+        | {"typical": list(p.typical)}
         for p in kind.parameters
     ]
 
@@ -116,30 +107,19 @@ def page(kind: type[Effect], level: int = 2) -> str:
         ]
         for p in kind.parameters
     ]  # fmt: skip
-    said = paragraphs(kind, quote="`")
-    return "\n".join(
-        [
-            f"{'#' * level} {kind.name}",
-            "",
-            f"{summary(kind)} It acts {PLACES[kind.slot]}.",
-            "",
-            f"    {kind.equation}",
-            "",
-            table(head, rows, rule="tight"),
-            "",
-            *(
-                [
-                    "**Further forms**, which a search tries where the simplest leaves its own trace:",
-                    "",
-                ]
-                + [f"- {line}" for line in further_forms(kind, quote="`")]
-                + [""]
-                if kind.forms
-                else []
-            ),
-            *(f"**{heading}:** {text}\n" for heading, text in said.items()),
-        ]
-    )
+    text = f"""{"#" * level} {kind.name}
+
+{summary(kind)} It acts {PLACES[kind.slot]}.
+
+    {kind.equation}
+
+{table(head, rows, rule="tight")}
+
+"""
+    if kind.forms:
+        listed = "\n".join(f"- {line}" for line in further_forms(kind, quote="`"))
+        text += f"**Further forms**, which a search tries where the simplest leaves its own trace:\n\n{listed}\n\n"
+    return text + "\n".join(f"**{h}:** {t}\n" for h, t in paragraphs(kind, quote="`").items())
 
 
 def pages(kinds: Iterable[type[Effect]]) -> str:

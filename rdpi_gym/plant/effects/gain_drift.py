@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Parameter, Picture
-from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
+from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Look, Picture, parameter
+from rdpi_gym.plant.effects.knots import ByKnots, Smooth, at_knots, settling_block
 from rdpi_gym.support.arrays import Array
 
 
@@ -37,17 +37,14 @@ class GainDrift(Clocked):
     [10.0, 10.05, 10.1]
     """
 
-    rate_per_s: float = 1e-4
+    rate_per_s: float = parameter(
+        1e-4, "1/s", -1e-2, 1e-2, (3e-5, 3e-4),
+        "relative change of the gain a second, κ", neutral=0.0,
+    )  # fmt: skip
 
     name = "gain_drift"
     slot = "output"
     order = 30
-    parameters = (
-        Parameter(
-            "rate_per_s", "1/s", -1e-2, 1e-2, (3e-5, 3e-4), "relative change of the gain a second, κ",
-            neutral=0.0,
-        ),
-    )  # fmt: skip
     equation = "y = (1 + κ t) y_m"
     source = (
         "Ageing by depolarisation is negligible in actuators, which repole (Physik Instrumente, "
@@ -93,23 +90,6 @@ class GainDrift(Clocked):
     )
     block = staticmethod(gain_drift_block)
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Relative rate (1/s)."""
-        return [self.rate_per_s]
-
-
-@njit(cache=True)
-def gain_to_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: relative rate (1/s), τ (s). Row of the state: samples since t = 0."""
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            grown = -p[0, b] * p[1, b] * math.expm1(-state[0, b] * ts / p[1, b])
-            y[t, b] = x[t, b] + grown * x[t, b]
-            state[0, b] += 1.0
-
 
 @dataclass(frozen=True)
 class GainDriftToLimit(Clocked, of=GainDrift):
@@ -121,17 +101,14 @@ class GainDriftToLimit(Clocked, of=GainDrift):
     [10.0, 10.632, 10.865]
     """
 
-    rate_per_s: float = 1e-4
-    time_constant_s: float = 200.0
+    rate_per_s: float = parameter(
+        1e-4, "1/s", -1e-1, 1e-1, (3e-5, 3e-4), "relative change a second at t = 0, κ", neutral=0.0
+    )
+    time_constant_s: float = parameter(
+        200.0, "s", 0.1, 1e7, (50.0, 1e3), "time constant of the change, τ"
+    )
 
     form = "to a limit"
-    parameters = (
-        Parameter(
-            "rate_per_s", "1/s", -1e-1, 1e-1, (3e-5, 3e-4), "relative change a second at t = 0, κ",
-            neutral=0.0,
-        ),
-        Parameter("time_constant_s", "s", 0.1, 1e7, (50.0, 1e3), "time constant of the change, τ"),
-    )  # fmt: skip
     equation = "y = (1 + κ τ (1 - exp(-t / τ))) y_m"
     cause = (
         "The stage warms up, or its poling settles after a large excursion, and comes to an end: "
@@ -141,7 +118,7 @@ class GainDriftToLimit(Clocked, of=GainDrift):
         "Residual proportional to the displacement, growing with the experiment's clock and less "
         "and less."
     )
-    block = staticmethod(gain_to_limit_block)
+    block = staticmethod(settling_block)
 
     @classmethod
     def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
@@ -168,23 +145,8 @@ class GainDriftToLimit(Clocked, of=GainDrift):
         )
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Relative rate (1/s) and time constant (s)."""
-        return [self.rate_per_s, self.time_constant_s]
-
-
-@njit(cache=True)
-def gain_knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: time between knots (s), changes of the gain at the knots after t = 0.
-
-    Row of the state: samples since t = 0.
-    """
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p, b) * x[t, b]
-            state[0, b] += 1.0
+        """Relative, rate (1/s), time constant (s)."""
+        return [1.0, *self.values.values()]
 
 
 # Of the values at knots: suffix, unit, bounds, typical range and meaning.
@@ -220,22 +182,6 @@ class GainByKnots(ByKnots, of=GainDrift):
         "Residual proportional to the displacement, by a factor that wanders with the experiment's "
         "clock."
     )
-    block = staticmethod(gain_knots_block)
-
-
-@njit(cache=True)
-def gain_curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: time between knots (s), four coefficients of each cubic.
-
-    Row of the state: samples since t = 0.
-    """
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p, b) * x[t, b]
-            state[0, b] += 1.0
 
 
 @dataclass(frozen=True)
@@ -263,4 +209,3 @@ class GainByCurve(Smooth, GainByKnots, of=GainDrift):
         "y = (1 + z(t)) y_m, z a natural cubic spline through z(k D / 14) = zk, z(0) = 0, constant "
         "from D on"
     )
-    block = staticmethod(gain_curve_block)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 from numba import njit
 
-from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, Stateless, parameter
 from rdpi_gym.support.arrays import Array
 
 TURNS = 6
@@ -30,10 +29,6 @@ class _Memory(Stateless):
 
     block = staticmethod(identity_block)
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """The parameters, in order; the kernel does not read them."""
-        return list(self.values.values())
-
 
 @dataclass(frozen=True)
 class InitialMemory(_Memory):
@@ -50,17 +45,14 @@ class InitialMemory(_Memory):
     [4.0, 2.0]
     """
 
-    extremum_V: float = 20.0
+    extremum_V: float = parameter(
+        20.0, "V", -2e3, 2e3, (5.0, 40.0),
+        "command at which the plant last turned before the record", neutral=0.0,
+    )  # fmt: skip
 
     name = "initial_memory"
     slot = "memory"
     order = 10
-    parameters = (
-        Parameter(
-            "extremum_V", "V", -2e3, 2e3, (5.0, 40.0),
-            "command at which the plant last turned before the record", neutral=0.0,
-        ),
-    )  # fmt: skip
     equation = "ξ_i(0) = max(u_e - r_i, min(u_e + r_i, 0))"
     source = "Eq. 4 of the paper, with a walk to u_e in the place of ξ_i(0) = 0."
     signature = (
@@ -106,14 +98,14 @@ class InitialMemory(_Memory):
         return (self.extremum_V,)
 
 
-RATIO = Parameter(
-    "ratio", "1", -1.0, 0.98, (0.3, 0.8),
-    "size of a turn over that of the turn before, on the other side, q", neutral=-1.0,
-)  # fmt: skip
-REACH = Parameter(
-    "reach_V", "V", -2e3, 2e3, (5.0, 40.0),
-    "outermost turn from the command at which the record begins, u_r", neutral=0.0,
-)  # fmt: skip
+def _ratio() -> Any:
+    text = "size of a turn over that of the turn before, on the other side, q"
+    return parameter(0.5, "1", -1.0, 0.98, (0.3, 0.8), text, neutral=-1.0)
+
+
+def _reach() -> Any:
+    text = "outermost turn from the command at which the record begins, u_r"
+    return parameter(20.0, "V", -2e3, 2e3, (5.0, 40.0), text, neutral=0.0)
 
 
 @dataclass(frozen=True)
@@ -127,15 +119,12 @@ class DecayingHistory(_Memory, of=InitialMemory):
     """
 
     extremum_V: float = 20.0
-    ratio: float = 0.5
-    centre_V: float = 0.0
+    ratio: float = _ratio()
+    centre_V: float = parameter(
+        0.0, "V", -2e3, 2e3, (0.0, 0.0), "command about which it decayed", fixed=True
+    )
 
     form = "decaying history"
-    parameters = (
-        *InitialMemory.parameters,
-        RATIO,
-        Parameter("centre_V", "V", -2e3, 2e3, (0.0, 0.0), "command about which it decayed", fixed=True),
-    )  # fmt: skip
     equation = "ξ_i(0) after turns at u_c + (u_e - u_c) (-q)^k, k = 0 ... 5"
     cause = (
         "A controller that settles, a relaxation after power-up or a sine that was faded out leaves "
@@ -175,11 +164,10 @@ class AboutTheStart(_Memory, of=InitialMemory):
     (19.0, -5.0, 7.0, 1.0, 4.0, 2.5)
     """
 
-    reach_V: float = 20.0
-    ratio: float = 0.5
+    reach_V: float = _reach()
+    ratio: float = _ratio()
 
     form = "about the start"
-    parameters = (REACH, RATIO)
     equation = "ξ_i(0) after turns at u(0) + u_r (-q)^k, k = 0 ... 5"
     cause = (
         "A stage is moved to where a record begins and settles there: it swings about that command, "
@@ -215,21 +203,16 @@ class LastTurns(_Memory, of=InitialMemory):
     (19.0, -9.0, 9.0)
     """
 
-    reach_V: float = 20.0
-    back: float = -0.5
-    third: float = -0.5
+    reach_V: float = _reach()
+    back: float = parameter(
+        -0.5, "1", -1.0, 1.0, (-0.8, -0.2),
+        "the turn back over the outermost, b; below zero on the other side", neutral=1.0,
+    )  # fmt: skip
+    third: float = parameter(
+        -0.5, "1", -1.0, 1.0, (-0.8, -0.2), "the third turn over the second, c", neutral=1.0
+    )
 
     form = "last turns"
-    parameters = (
-        REACH,
-        Parameter(
-            "back", "1", -1.0, 1.0, (-0.8, -0.2),
-            "the turn back over the outermost, b; below zero on the other side", neutral=1.0,
-        ),
-        Parameter(
-            "third", "1", -1.0, 1.0, (-0.8, -0.2), "the third turn over the second, c", neutral=1.0
-        ),
-    )  # fmt: skip
     equation = "ξ_i(0) after turns at u(0) + u_r (1, b, b c)"
     cause = (
         "A record that is cut out of a motion, or that begins wherever the stage was left: its last "

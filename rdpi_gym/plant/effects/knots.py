@@ -1,7 +1,8 @@
-"""Straight lines and smooth curves through knots in time, for what wanders and follows no law."""
+"""Changes with the time of the experiment: to a limit, along straight lines, along a smooth curve."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -10,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import Clocked, DataScale, Effect, Parameter, parameter
 from rdpi_gym.support.arrays import Array
 
 
@@ -35,6 +36,57 @@ def along_curve(time: float, p: Array, b: int) -> float:
     share, row = min(place - k, 1.0), 1 + 4 * k
     bent = p[row + 1, b] + share * (p[row + 2, b] + share * p[row + 3, b])
     return float(p[row, b] + share * bent)
+
+
+@njit(cache=True)
+def settling_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel of changes that settle; rows of ``p``: 1 for a relative change, rate (1/s), τ (s) of each.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            time, size = state[0, b] * ts, x[t, b] if p[0, b] > 0.5 else 1.0
+            out = x[t, b]
+            for k in range(1, p.shape[0], 2):
+                out -= p[k, b] * p[k + 1, b] * math.expm1(-time / p[k + 1, b]) * size
+            y[t, b] = out
+            state[0, b] += 1.0
+
+
+@njit(cache=True)
+def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: 1 for a relative change, then as :func:`along_knots` reads them.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            size = x[t, b] if p[0, b] > 0.5 else 1.0
+            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p[1:], b) * size
+            state[0, b] += 1.0
+
+
+@njit(cache=True)
+def curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: 1 for a relative change, then as :func:`along_curve` reads them.
+
+    Row of the state: samples since t = 0.
+    """
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = 0.0
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            size = x[t, b] if p[0, b] > 0.5 else 1.0
+            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p[1:], b) * size
+            state[0, b] += 1.0
 
 
 def natural_cubics(values: Sequence[float]) -> Array:
@@ -75,18 +127,17 @@ class ByKnots(Clocked):
     Attributes
     ----------
     probe
-        Constant input on which a simpler form shows its change: what leaves it less what entered.
+        1 for a change relative to the displacement, 0 for one in µm: the constant input on which a
+        simpler form shows its change, as what leaves it less what entered.
     """
 
-    duration_s: float = 600.0
+    duration_s: float = parameter(
+        600.0, "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
+    )
 
     probe: ClassVar[float]
     form = "piecewise linear"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "duration_s", "s", 1e-3, 1e7, (600.0, 600.0), "time of the last knot, D", fixed=True
-        ),
-    )
+    block = staticmethod(knots_block)
     source = "A slow random walk at the resolution of seven knots; sizes are an estimate."
 
     @classmethod
@@ -120,15 +171,16 @@ class ByKnots(Clocked):
         return [p.name for p in cls.parameters if not p.fixed]
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Time between knots (s), then the values there."""
+        """Whether it is relative, time between knots (s), then the values there."""
         duration, *knots = self.values.values()
-        return [duration / len(knots), *knots]
+        return [self.probe, duration / len(knots), *knots]
 
 
 class Smooth(ByKnots):
     """Change along a natural cubic spline through fifteen knots, the first at t = 0."""
 
     form = "smooth curve"
+    block = staticmethod(curve_block)
     source = (
         "A slow random walk as a natural cubic spline (de Boor, A Practical Guide to Splines, "
         "chapter IV) through fifteen knots, which holds three turns to and fro within 4 %; sizes are "
@@ -136,7 +188,7 @@ class Smooth(ByKnots):
     )
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Time between knots (s), then the coefficients of the cubic of each interval."""
+        """Whether it is relative, time between knots (s), the coefficients of each interval's cubic."""
         duration, *knots = self.values.values()
         cubics: list[float] = natural_cubics(knots).ravel().tolist()
-        return [duration / len(knots), *cubics]
+        return [self.probe, duration / len(knots), *cubics]

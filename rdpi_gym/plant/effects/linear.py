@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Parameter
+from rdpi_gym.plant.effects.base import DataScale, Effect, parameter, rows
 from rdpi_gym.support.arrays import Array
 
 # Shares of a filter's higher orders below this are none: their poles are out of sight.
@@ -153,32 +153,28 @@ class FirstOrderLag(Effect):
     time_constant_s: float = 2e-4
 
     block = staticmethod(linear_block)
+    state_rows = rows(2)  # last input and output
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """As :func:`linear_block` reads them."""
         return pack_lag(self.time_constant_s, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and output."""
-        return 2
 
 
 @dataclass(frozen=True)
 class SecondOrderLag(Effect):
     """Two lags in a row, in either place of one."""
 
-    time_constant_s: float = 2e-4
-    second_ratio: float = 0.3
+    time_constant_s: float = parameter(
+        2e-4, "s", 0.0, 0.1, (3e-5, 1e-3), "larger time constant, τ1", neutral=0.0
+    )
+    second_ratio: float = parameter(
+        0.3, "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0
+    )
 
     form = "second order"
-    parameters = (
-        Parameter(
-            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "larger time constant, τ1", neutral=0.0
-        ),
-        Parameter("second_ratio", "1", 0.0, 1.0, (0.1, 1.0), "second over it, q", neutral=0.0),
-    )
     signature = "As a lag, and beyond both cut-offs the phase goes to 180 degrees: steps begin with no slope."
     block = staticmethod(linear_block)
+    state_rows = rows(3)  # last input and what leaves each lag
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -193,27 +189,22 @@ class SecondOrderLag(Effect):
         """As :func:`linear_block` reads them."""
         return pack_two_lags(self.time_constant_s, self.second_ratio * self.time_constant_s, ts_s)
 
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and what leaves each lag."""
-        return 3
-
 
 @dataclass(frozen=True)
 class ThirdOrderLag(Effect):
     """Low-pass of up to third order, with real poles or a pair, in either place of a lag."""
 
-    time_constant_s: float = 2e-4
-    second_share: float = 0.4
-    third_share: float = 0.2
+    time_constant_s: float = parameter(
+        2e-4, "s", 0.0, 0.1, (3e-5, 1e-3), "delay of slow signals, T", neutral=0.0
+    )
+    second_share: float = parameter(
+        0.4, "1", 0.0, 1.0, (0.2, 0.5), "of the second order, c", neutral=0.0
+    )
+    third_share: float = parameter(
+        0.2, "1", 0.0, 0.8, (0.1, 0.3), "of the third order, d", neutral=0.0
+    )
 
     form = "third order"
-    parameters = (
-        Parameter(
-            "time_constant_s", "s", 0.0, 0.1, (3e-5, 1e-3), "delay of slow signals, T", neutral=0.0
-        ),
-        Parameter("second_share", "1", 0.0, 1.0, (0.2, 0.5), "of the second order, c", neutral=0.0),
-        Parameter("third_share", "1", 0.0, 0.8, (0.1, 0.3), "of the third order, d", neutral=0.0),
-    )
     equation = "c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = y_m"
     source = (
         "Filters of Bessel have c = 1/3 (second order), 0.4 and d = 1/6 (third); of Butterworth "
@@ -223,6 +214,7 @@ class ThirdOrderLag(Effect):
         "A filter in front of a converter, which seldom is of first order, or some lags in a row."
     )
     block = staticmethod(linear_block)
+    state_rows = rows(4)  # last input and three states
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -243,7 +235,3 @@ class ThirdOrderLag(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """As :func:`linear_block` reads them."""
         return pack_filter(self.time_constant_s, self.second_share, self.third_share, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and three states."""
-        return 4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numba import njit
@@ -16,8 +16,9 @@ from rdpi_gym.plant.effects.base import (
     Effect,
     Extension,
     Look,
-    Parameter,
     Picture,
+    parameter,
+    rows,
 )
 from rdpi_gym.support.arrays import Array
 
@@ -61,21 +62,17 @@ class MainsHum(Clocked):
     [0.0, 0.02, 0.0, -0.02]
     """
 
-    amplitude_um: float = 0.03
-    frequency_hz: float = 50.0
-    phase_rad: float = 0.0
+    amplitude_um: float = parameter(0.03, "µm", 0.0, 10.0, (0.01, 0.05), "amplitude h", neutral=0.0)
+    frequency_hz: float = parameter(
+        50.0, "Hz", 45.0, 65.0, (50.0, 50.0), "50 or 60 Hz, f", step=1e-6
+    )
+    phase_rad: float = parameter(
+        0.0, "rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), "phase φ at t = 0"
+    )
 
     name = "mains_hum"
     slot = "output"
     order = 70
-    parameters = (
-        Parameter("amplitude_um", "µm", 0.0, 10.0, (0.01, 0.05), "amplitude h", neutral=0.0),
-        # a thousandth of it is beats away after a minute
-        Parameter("frequency_hz", "Hz", 45.0, 65.0, (50.0, 50.0), "50 or 60 Hz, f", step=1e-6),
-        Parameter(
-            "phase_rad", "rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), "phase φ at t = 0"
-        ),
-    )
     equation = "y = y_m + h sin(2π f t + φ)"
     source = "Pick-up of the mains in sensor and wiring; the amplitude is an estimate (1 to 50 nm)."
     signature = "A line at 50 or 60 Hz that has nothing to do with the command."
@@ -106,6 +103,7 @@ class MainsHum(Clocked):
         Look("spectrum", "What a refit leaves of a slow triangle", "triangle-slow", 120.0),
     )
     block = staticmethod(mains_hum_block)
+    state_rows = rows(3)  # the clock and the phasor
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -139,10 +137,6 @@ class MainsHum(Clocked):
         """Amplitude (µm), angular frequency (rad/s), phase (rad)."""
         return [self.amplitude_um, 2.0 * math.pi * self.frequency_hz, self.phase_rad]
 
-    def state_rows(self, ts_s: float) -> int:
-        """The clock and the phasor."""
-        return 3
-
 
 @njit(cache=True)
 def hum_harmonics_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -171,15 +165,9 @@ def hum_harmonics_block(x: Array, u: Array, p: Array, state: Array, ts: float, y
             state[0, b] += 1.0
 
 
-def _line(k: int, name: str) -> tuple[Parameter, Parameter]:
-    sine, cosine = (
-        Parameter(
-            f"{name}_{part}_um", "µm", -10.0, 10.0, (-0.02, 0.02),
-            f"{part} part of the {name} harmonic at t = 0, {symbol}{k}", neutral=0.0,
-        )
-        for part, symbol in (("sine", "a"), ("cosine", "b"))
-    )  # fmt: skip
-    return sine, cosine
+def _part(part: str, harmonic: str, symbol: str) -> Any:
+    text = f"{part} part of the {harmonic} harmonic at t = 0, {symbol}"
+    return parameter(0.0, "µm", -10.0, 10.0, (-0.02, 0.02), text, neutral=0.0)
 
 
 @dataclass(frozen=True)
@@ -195,17 +183,12 @@ class HumWithHarmonics(Clocked, Extension, of=MainsHum):
     amplitude_um: float = 0.03
     frequency_hz: float = 50.0
     phase_rad: float = 0.0
-    second_sine_um: float = 0.0
-    second_cosine_um: float = 0.0
-    third_sine_um: float = 0.0
-    third_cosine_um: float = 0.0
+    second_sine_um: float = _part("sine", "second", "a2")
+    second_cosine_um: float = _part("cosine", "second", "b2")
+    third_sine_um: float = _part("sine", "third", "a3")
+    third_cosine_um: float = _part("cosine", "third", "b3")
 
     form = "with harmonics"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        *MainsHum.parameters,
-        *_line(2, "second"),
-        *_line(3, "third"),
-    )
     equation = "y = y_m + h sin(2π f t + φ) + Σ_k ak sin(2π k f t) + bk cos(2π k f t), k = 2, 3"
     cause = (
         "Rectifiers, dimmers and saturated transformers distort the mains; transformers and motors "
@@ -215,6 +198,7 @@ class HumWithHarmonics(Clocked, Extension, of=MainsHum):
         "Lines at 50 or 60 Hz and at their multiples that have nothing to do with the command."
     )
     block = staticmethod(hum_harmonics_block)
+    state_rows = rows(3)  # the clock and the phasor
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -230,10 +214,6 @@ class HumWithHarmonics(Clocked, Extension, of=MainsHum):
             *list(self.values.values())[len(MainsHum.parameters) :],
         ]
 
-    def state_rows(self, ts_s: float) -> int:
-        """The clock and the phasor."""
-        return 3
-
 
 @dataclass(frozen=True)
 class HumToTheFifth(HumWithHarmonics, of=MainsHum):
@@ -246,11 +226,10 @@ class HumToTheFifth(HumWithHarmonics, of=MainsHum):
     [0.0, 0.01, 0.0, -0.01, -0.0]
     """
 
-    fourth_sine_um: float = 0.0
-    fourth_cosine_um: float = 0.0
-    fifth_sine_um: float = 0.0
-    fifth_cosine_um: float = 0.0
+    fourth_sine_um: float = _part("sine", "fourth", "a4")
+    fourth_cosine_um: float = _part("cosine", "fourth", "b4")
+    fifth_sine_um: float = _part("sine", "fifth", "a5")
+    fifth_cosine_um: float = _part("cosine", "fifth", "b5")
 
     form = "with harmonics to the fifth"
-    parameters = (*HumWithHarmonics.parameters, *_line(4, "fourth"), *_line(5, "fifth"))
     equation = "y = y_m + h sin(2π f t + φ) + Σ_k ak sin(2π k f t) + bk cos(2π k f t), k = 2 ... 5"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.base import DataScale, Look, Picture, Stateless, parameter
 from rdpi_gym.support.arrays import Array
 
 
@@ -33,19 +33,15 @@ class RateLaw(Stateless):
     [100.0, -200.0]
     """
 
-    exponent: float = 0.7
-    reference_rate_V_s: float = 1e4
+    exponent: float = parameter(0.7, "1", 0.2, 3.0, (0.5, 0.8), "p; 1 is Eq. 8", neutral=1.0)
+    reference_rate_V_s: float = parameter(
+        1e4, "V/s", 1e-12, 1e12, (1e4, 1e4),
+        "rate v0 at which the thresholds are those of Eq. 8", fixed=True,
+    )  # fmt: skip
 
     name = "rate_law"
     slot = "rate"
     order = 10
-    parameters = (
-        Parameter("exponent", "1", 0.2, 3.0, (0.5, 0.8), "p; 1 is Eq. 8", neutral=1.0),
-        Parameter(
-            "reference_rate_V_s", "V/s", 1e-12, 1e12, (1e4, 1e4),
-            "rate v0 at which the thresholds are those of Eq. 8", fixed=True,
-        ),
-    )  # fmt: skip
     equation = "r_i = δ1 i + δ2 v0 (|v| / v0)^p"
     source = (
         "Velocity power m in doi 10.5772/58984, a dynamic density in doi 10.1007/s11465-015-0326-1; "
@@ -119,14 +115,11 @@ class LogarithmicRateLaw(Stateless, of=RateLaw):
     [1.0, -69.31, 461.51]
     """
 
-    bend_rate_V_s: float = 3e3
+    bend_rate_V_s: float = parameter(
+        3e3, "V/s", 1e-12, 1e12, (1e3, 1e4), "rate v0 at which the growth slackens"
+    )
 
     form = "logarithm"
-    parameters = (
-        Parameter(
-            "bend_rate_V_s", "V/s", 1e-12, 1e12, (1e3, 1e4), "rate v0 at which the growth slackens"
-        ),
-    )
     equation = "r_i = δ1 i + δ2 v0 ln(1 + |v| / v0)"
     source = "Logarithmic dynamic densities, doi 10.1007/s11465-015-0326-1."
     signature = "δ2 fitted record by record falls with amplitude x frequency from some rate on."
@@ -136,10 +129,6 @@ class LogarithmicRateLaw(Stateless, of=RateLaw):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """One start: growth that slackens somewhat below the fastest rate."""
         return (cls.within_bounds(bend_rate_V_s=0.15 * scale.fastest_V_s),)
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """v0 (V/s)."""
-        return [self.bend_rate_V_s]
 
 
 @njit(cache=True)
@@ -165,8 +154,12 @@ def piecewise_rate_block(x: Array, u: Array, p: Array, state: Array, ts: float, 
             y[t, b] = v * math.exp(-power)
 
 
-_EXPONENT = (0.05, 4.0, (0.5, 1.0))
 _PER_DECADE = 2
+
+
+def _exponent(k: int) -> Any:
+    text = f"p_{k}, of rates between V / 10^{(k - 1) / 2:g} and V / 10^{k / 2:g}"
+    return parameter(0.7, "1", 0.05, 4.0, (0.5, 1.0), text, neutral=1.0)
 
 
 @dataclass(frozen=True)
@@ -183,23 +176,15 @@ class PiecewiseRateLaw(Stateless, of=RateLaw):
     [10000.0, -3162.3, 316.2]
     """
 
-    exponent_1: float = 0.7
-    exponent_2: float = 0.7
-    exponent_3: float = 0.7
-    exponent_4: float = 0.7
-    fastest_V_s: float = 1e4
+    exponent_1: float = _exponent(1)
+    exponent_2: float = _exponent(2)
+    exponent_3: float = _exponent(3)
+    exponent_4: float = _exponent(4)
+    fastest_V_s: float = parameter(
+        1e4, "V/s", 1e-12, 1e12, (1e4, 1e4), "fastest rate V", fixed=True
+    )
 
     form = "piecewise power"
-    parameters = (
-        *(
-            Parameter(
-                f"exponent_{k}", "1", *_EXPONENT,
-                f"p_{k}, of rates between V / 10^{(k - 1) / 2:g} and V / 10^{k / 2:g}", neutral=1.0,
-            )
-            for k in range(1, 5)
-        ),
-        Parameter("fastest_V_s", "V/s", 1e-12, 1e12, (1e4, 1e4), "fastest rate V", fixed=True),
-    )  # fmt: skip
     equation = (
         "r_i = δ1 i + δ2 w(|v|), w(V) = V, d(ln w) / d(ln |v|) = p_k in the half decade k below V"
     )

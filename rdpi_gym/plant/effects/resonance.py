@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Picture, parameter, rows
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
 from rdpi_gym.support.arrays import Array
 
@@ -22,18 +22,14 @@ class Resonance(Effect):
     (1.97, 101)
     """
 
-    f0_hz: float = 1000.0
-    damping: float = 0.02
+    f0_hz: float = parameter(1000.0, "Hz", 10.0, 2e5, (300.0, 1e4), "undamped natural frequency")
+    damping: float = parameter(
+        0.02, "1", 1e-4, 0.7, (0.005, 0.1), "damping ratio ζ; from 0.71 it is a lag"
+    )
 
     name = "resonance"
     slot = "output"
     order = 10
-    parameters = (
-        Parameter("f0_hz", "Hz", 10.0, 2e5, (300.0, 1e4), "undamped natural frequency"),
-        Parameter(
-            "damping", "1", 1e-4, 0.7, (0.005, 0.1), "damping ratio ζ; from 0.71 it is a lag"
-        ),
-    )
     equation = "y'' + 2 ζ ω0 y' + ω0² y = ω0² y_h, ω0 = 2π f0"
     source = (
         "A stage at 739 Hz (arXiv 2412.18374); bare stacks at tens to hundreds of kHz (Fleming, "
@@ -71,6 +67,7 @@ class Resonance(Effect):
         Look("response", "A step of 5 V", "step"),
     )
     block = staticmethod(linear_block)
+    state_rows = rows(3)  # last input, displacement, velocity
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -85,10 +82,6 @@ class Resonance(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
         return pack_modes([(1.0, self.f0_hz, self.damping)], 0.0, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input, displacement, velocity."""
-        return 3
 
     def carry(self, state: Array, before: Effect) -> None:
         """The velocity stays, so its share of ω0 changes."""
@@ -108,15 +101,11 @@ class ResonanceWithZero(Extension, of=Resonance):
 
     f0_hz: float = 1000.0
     damping: float = 0.02
-    static_share: float = 0.1
+    static_share: float = parameter(
+        0.1, "1", 0.0, 4.0, (0.05, 0.5), "share without the mode, s", neutral=0.0
+    )
 
     form = "with a zero"
-    parameters = (
-        *Resonance.parameters,
-        Parameter(
-            "static_share", "1", 0.0, 4.0, (0.05, 0.5), "share without the mode, s", neutral=0.0
-        ),
-    )
     equation = "y = (1 - s) y_1 + s y_h, y_1'' + 2 ζ ω0 y_1' + ω0² y_1 = ω0² y_h, ω0 = 2π f0"
     source = (
         "The residual of a modal series that is cut off: what higher modes add is static (Ewins, "
@@ -131,6 +120,7 @@ class ResonanceWithZero(Extension, of=Resonance):
         "signals vanish and the phase comes back."
     )
     block = staticmethod(linear_block)
+    state_rows = rows(3)  # last input, displacement, velocity
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -143,10 +133,6 @@ class ResonanceWithZero(Extension, of=Resonance):
         """One mode and a feedthrough."""
         share = self.static_share
         return pack_modes([(1.0 - share, self.f0_hz, self.damping)], share, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input, displacement, velocity."""
-        return 3
 
     def carry(self, state: Array, before: Effect) -> None:
         """The velocity stays, so its share of ω0 changes."""
@@ -166,21 +152,15 @@ class TwoModes(Extension, of=Resonance):
 
     f0_hz: float = 1000.0
     damping: float = 0.02
-    second_hz: float = 3000.0
-    second_damping: float = 0.02
-    second_share: float = 0.1
+    second_hz: float = parameter(
+        3000.0, "Hz", 10.0, 2e5, (1e3, 2e4), "undamped natural frequency of the second, f2"
+    )
+    second_damping: float = parameter(0.02, "1", 1e-4, 0.7, (0.005, 0.1), "its damping ratio ζ2")
+    second_share: float = parameter(
+        0.1, "1", -0.5, 0.5, (0.05, 0.3), "its share of the displacement at rest, s"
+    )
 
     form = "two modes"
-    parameters = (
-        *Resonance.parameters,
-        Parameter(
-            "second_hz", "Hz", 10.0, 2e5, (1e3, 2e4), "undamped natural frequency of the second, f2"
-        ),
-        Parameter("second_damping", "1", 1e-4, 0.7, (0.005, 0.1), "its damping ratio ζ2"),
-        Parameter(
-            "second_share", "1", -0.5, 0.5, (0.05, 0.3), "its share of the displacement at rest, s"
-        ),
-    )
     equation = "y = (1 - s) y_1 + s y_2, y_i'' + 2 ζi ωi y_i' + ωi² y_i = ωi² y_h, ωi = 2π fi"
     source = (
         "Modal series (Ewins, Modal Testing, 2000). A share below zero is a mode that moves against "
@@ -195,6 +175,7 @@ class TwoModes(Extension, of=Resonance):
         "same sign; beats after corners."
     )
     block = staticmethod(linear_block)
+    state_rows = rows(5)  # last input, displacement and velocity of each mode
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -213,10 +194,6 @@ class TwoModes(Extension, of=Resonance):
         share = self.second_share
         first = (1.0 - share, self.f0_hz, self.damping)
         return pack_modes([first, (share, self.second_hz, self.second_damping)], 0.0, ts_s)
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input, displacement and velocity of each mode."""
-        return 5
 
     def carry(self, state: Array, before: Effect) -> None:
         """The velocities stay, so their shares of ω1 and ω2 change."""

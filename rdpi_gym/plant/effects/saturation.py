@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
+from typing import Any, Self
 
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture, Stateless
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, Stateless, parameter
 from rdpi_gym.support.arrays import Array
 
 FAR = 10.0
@@ -35,26 +35,16 @@ class Saturation(Stateless):
     [1.0, 46.21, 100.0]
     """
 
-    limit_V: float = 100.0
-    centre_V: float = 0.0
+    limit_V: float = parameter(
+        100.0, "V", 1e-9, 1e9, (60.0, 160.0), "distance of both rails from the centre, u_s"
+    )
+    centre_V: float = parameter(
+        0.0, "V", -1e9, 1e9, (0.0, 0.0), "middle of the amplifier's range, u_c", fixed=True
+    )
 
     name = "saturation"
     slot = "input"
     order = 10
-    parameters = (
-        Parameter(
-            "limit_V", "V", 1e-9, 1e9, (60.0, 160.0), "distance of both rails from the centre, u_s"
-        ),
-        Parameter(
-            "centre_V",
-            "V",
-            -1e9,
-            1e9,
-            (0.0, 0.0),
-            "middle of the amplifier's range, u_c",
-            fixed=True,
-        ),
-    )
     equation = "u' = u_c + u_s tanh((u - u_c) / u_s)"
     source = "Smooth limiter; the amount is an estimate (limits of the amplifier)."
     signature = (
@@ -108,10 +98,6 @@ class Saturation(Stateless):
             cls.within_bounds(limit_V=k * scale.span_V, centre_V=scale.centre_V) for k in (1.5, 4.0)
         )
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Limit and centre (V)."""
-        return [self.limit_V, self.centre_V]
-
 
 @njit(cache=True)
 def hard_rails_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
@@ -143,10 +129,9 @@ class HardUpperRail(_Hard, of=Saturation):
     [-30.0, 5.0, 19.0]
     """
 
-    high_V: float = 100.0
+    high_V: float = parameter(100.0, "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h")
 
     form = "hard upper rail"
-    parameters = (Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),)
     equation = "u' = min(u, u_h)"
 
     @classmethod
@@ -171,10 +156,9 @@ class HardLowerRail(_Hard, of=Saturation):
     [-22.0, 5.0, 30.0]
     """
 
-    low_V: float = -30.0
+    low_V: float = parameter(-30.0, "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l")
 
     form = "hard lower rail"
-    parameters = (Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),)
     equation = "u' = max(u, u_l)"
 
     @classmethod
@@ -199,14 +183,10 @@ class HardRails(_Hard, of=Saturation):
     [-22.0, 5.0, 19.0]
     """
 
-    low_V: float = -30.0
-    high_V: float = 100.0
+    low_V: float = parameter(-30.0, "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l")
+    high_V: float = parameter(100.0, "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h")
 
     form = "hard rails"
-    parameters = (
-        Parameter("low_V", "V", -1e9, 1e9, (-60.0, -20.0), "lower rail, u_l"),
-        Parameter("high_V", "V", -1e9, 1e9, (60.0, 120.0), "upper rail, u_h"),
-    )
     equation = "u' = min(max(u, u_l), u_h)"
 
     @classmethod
@@ -220,9 +200,9 @@ class HardRails(_Hard, of=Saturation):
             for share in (0.6, 0.85)
         )
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Lower and upper rail (V)."""
-        return [self.low_V, self.high_V]
+
+def _free_centre() -> Any:
+    return parameter(0.0, "V", -1e9, 1e9, (-40.0, 40.0), Saturation.parameters[1].meaning)
 
 
 @dataclass(frozen=True)
@@ -235,11 +215,9 @@ class SoftUnlikeRails(Saturation, of=Saturation):
     [-80.0, 20.0, 120.0]
     """
 
+    centre_V: float = _free_centre()
+
     form = "soft unlike rails"
-    parameters = (
-        Saturation.parameters[0],
-        replace(Saturation.parameters[1], typical=(-40.0, 40.0), fixed=False),
-    )
     equation = "u' = u_c + u_s tanh((u - u_c) / u_s), u_c free"
     signature = "Flattening of one end of the range more than of the other."
 
@@ -281,14 +259,10 @@ class RailsWithAKnee(Stateless, of=Saturation):
     """
 
     limit_V: float = 100.0
-    centre_V: float = 0.0
-    sharpness: float = 3.0
+    centre_V: float = _free_centre()
+    sharpness: float = parameter(3.0, "1", 1.0, 50.0, (2.0, 6.0), "sharpness of the knee, p")
 
     form = "rails with a knee"
-    parameters = (
-        *SoftUnlikeRails.parameters,
-        Parameter("sharpness", "1", 1.0, 50.0, (2.0, 6.0), "sharpness of the knee, p"),
-    )
     equation = "u' = u_c + (u - u_c) / (1 + |(u - u_c) / u_s|^p)^(1/p)"
     source = "Rapp's model of amplifiers: soft for a small p, hard rails for a large one."
     signature = SoftUnlikeRails.signature
@@ -300,7 +274,3 @@ class RailsWithAKnee(Stateless, of=Saturation):
         return (
             cls.within_bounds(limit_V=1.1 * scale.span_V, centre_V=scale.centre_V, sharpness=3.0),
         )
-
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Limit, centre (V), sharpness."""
-        return [self.limit_V, self.centre_V, self.sharpness]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from rdpi_gym.plant.effects.base import Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import Look, Picture, parameter
 from rdpi_gym.plant.effects.linear import FirstOrderLag, SecondOrderLag, ThirdOrderLag
 
 
@@ -18,16 +18,13 @@ class SensorLag(FirstOrderLag):
     [0.0, 0.368, 1.135, 2.05]
     """
 
-    time_constant_s: float = 1e-4
+    time_constant_s: float = parameter(
+        1e-4, "s", 0.0, 0.1, (2e-5, 3e-4), "1 / (2π bandwidth), τ", neutral=0.0
+    )
 
     name = "sensor_lag"
     slot = "output"
     order = 60
-    parameters = (
-        Parameter(
-            "time_constant_s", "s", 0.0, 0.1, (2e-5, 3e-4), "1 / (2π bandwidth), τ", neutral=0.0
-        ),
-    )
     equation = "τ dy'/dt + y' = y"
     source = (
         "Fleming 2013, doi 10.1016/j.sna.2012.10.016, as tabulated in T. Dehaeze's notes: strain "
@@ -78,12 +75,10 @@ class SecondOrderSensorLag(SecondOrderLag, of=SensorLag):
     [0.0, 0.168, 0.762, 1.598]
     """
 
-    time_constant_s: float = 1e-4
-
-    parameters = (
-        replace(SecondOrderLag.parameters[0], typical=(2e-5, 3e-4)),
-        SecondOrderLag.parameters[1],
+    time_constant_s: float = parameter(
+        1e-4, "s", 0.0, 0.1, (2e-5, 3e-4), SecondOrderLag.parameters[0].meaning, neutral=0.0
     )
+
     equation = "τ1 τ2 d²y'/dt² + (τ1 + τ2) dy'/dt + y' = y, τ2 = q τ1"
     cause = (
         "The sensor's bandwidth and an anti-alias filter behind it, or a filter of second order."

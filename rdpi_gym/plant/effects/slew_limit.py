@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Parameter, Picture
+from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter, rows
 from rdpi_gym.support.arrays import Array
 
 
@@ -31,13 +31,14 @@ def _follow(last: float, now: float, out: float, up: float, down: float) -> floa
 def slew_limit_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel, exact for an input linear between samples.
 
-    Row of ``p``: largest step of one sample (V). Rows of the state: last input, last output (V).
+    Rows of ``p``: largest steps of one sample up and down (V). Rows of the state: last input, last
+    output (V).
     """
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             if np.isnan(state[0, b]):
                 state[0, b] = state[1, b] = x[t, b]
-            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[0, b])
+            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[1, b])
             state[0, b] = x[t, b]
             state[1, b] = y[t, b] = out
 
@@ -52,14 +53,13 @@ class SlewLimit(Effect):
     [0.0, 1.0, 2.0, 3.0, 4.0, 3.5]
     """
 
-    rate_V_s: float = 1e4
+    rate_V_s: float = parameter(
+        1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate of the voltage, R"
+    )
 
     name = "slew_limit"
     slot = "input"
     order = 20
-    parameters = (
-        Parameter("rate_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate of the voltage, R"),
-    )
     equation = "u' follows u with |du'/dt| <= R"
     source = (
         "Thorlabs, piezo driver bandwidth tutorial (thorlabs.com, ObjectGroup_ID=1191): "
@@ -97,6 +97,7 @@ class SlewLimit(Effect):
         Look("left_over_time", "What a refit leaves of it", "sine-50hz", 0.0, 0.04),
     )
     block = staticmethod(slew_limit_block)
+    state_rows = rows(2)  # last input and last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -104,28 +105,8 @@ class SlewLimit(Effect):
         return tuple(cls.within_bounds(rate_V_s=scale.fastest_V_s / 1.18**k) for k in range(24))
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Largest step of one sample (V)."""
-        return [self.rate_V_s * ts_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and last output."""
-        return 2
-
-
-@njit(cache=True)
-def unlike_slew_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel, exact for an input linear between samples.
-
-    Rows of ``p``: largest steps of one sample up and down (V). Rows of the state: last input, last
-    output (V).
-    """
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            if np.isnan(state[0, b]):
-                state[0, b] = state[1, b] = x[t, b]
-            out = _follow(state[0, b], x[t, b], state[1, b], p[0, b], p[1, b])
-            state[0, b] = x[t, b]
-            state[1, b] = y[t, b] = out
+        """Largest step of one sample (V), up and down."""
+        return [self.rate_V_s * ts_s] * 2
 
 
 @dataclass(frozen=True)
@@ -138,21 +119,18 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     [0.0, 1.0, 2.0, 3.0, 4.0, 2.0]
     """
 
-    up_V_s: float = 1e4
-    down_V_s: float = 1e4
+    up_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u")
+    down_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d")
 
     form = "unlike up and down"
-    parameters = (
-        Parameter("up_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u"),
-        Parameter("down_V_s", "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d"),
-    )
     equation = "u' follows u with -R_d <= du'/dt <= R_u"
     source = "An output stage that sources and sinks unlike currents into C: R = I / C each way."
     signature = (
         "Nothing below a critical product of amplitude and frequency, above it saw teeth: even "
         "and odd harmonics."
     )
-    block = staticmethod(unlike_slew_block)
+    block = staticmethod(slew_limit_block)
+    state_rows = rows(2)  # last input and last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -178,7 +156,3 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest steps of one sample up and down (V)."""
         return [self.up_V_s * ts_s, self.down_V_s * ts_s]
-
-    def state_rows(self, ts_s: float) -> int:
-        """Last input and last output."""
-        return 2

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Self
-
-import numpy as np
-from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import (
@@ -16,23 +12,10 @@ from rdpi_gym.plant.effects.base import (
     Effect,
     Extension,
     Look,
-    Parameter,
     Picture,
+    parameter,
 )
-from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_knots, at_knots
-from rdpi_gym.support.arrays import Array
-
-
-@njit(cache=True)
-def thermal_drift_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: rate (µm/s), τ (s). Row of the state: samples since t = 0."""
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] - p[0, b] * p[1, b] * math.expm1(-state[0, b] * ts / p[1, b])
-            state[0, b] += 1.0
+from rdpi_gym.plant.effects.knots import ByKnots, Smooth, at_knots, settling_block
 
 
 @dataclass(frozen=True)
@@ -45,18 +28,16 @@ class ThermalDrift(Clocked):
     [0.0, 0.632, 0.865]
     """
 
-    rate_um_s: float = 5e-3
-    time_constant_s: float = 200.0
+    rate_um_s: float = parameter(
+        5e-3, "µm/s", -1.0, 1.0, (2e-3, 2e-2), "drift d at t = 0", neutral=0.0
+    )
+    time_constant_s: float = parameter(
+        200.0, "s", 1.0, 1e5, (50.0, 1e3), "time constant of the warming, τ"
+    )
 
     name = "thermal_drift"
     slot = "output"
     order = 40
-    parameters = (
-        Parameter(
-            "rate_um_s", "µm/s", -1.0, 1.0, (2e-3, 2e-2), "drift d at t = 0", neutral=0.0
-        ),
-        Parameter("time_constant_s", "s", 1.0, 1e5, (50.0, 1e3), "time constant of the warming, τ"),
-    )  # fmt: skip
     equation = "y = y_m + d τ (1 - exp(-t / τ))"
     source = (
         "Expansion of the ceramic, -3.5e-6 to 11e-6 per kelvin (Physik Instrumente, piezo tutorial, "
@@ -93,7 +74,7 @@ class ThermalDrift(Clocked):
         Look("response", "Five minutes at a constant command", "at-rest"),
         Look("left_over_time", "What a refit leaves of the stairs", "stairs"),
     )
-    block = staticmethod(thermal_drift_block)
+    block = staticmethod(settling_block)
 
     @classmethod
     def traces(cls, scale: DataScale) -> tuple[Effect, ...]:
@@ -111,22 +92,8 @@ class ThermalDrift(Clocked):
         )
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Rate (µm/s) and time constant (s)."""
-        return [self.rate_um_s, self.time_constant_s]
-
-
-@njit(cache=True)
-def two_warmings_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: rate (µm/s), τ (s), of each. Row of the state: samples since t = 0."""
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            time = state[0, b] * ts
-            first = x[t, b] - p[0, b] * p[1, b] * math.expm1(-time / p[1, b])
-            y[t, b] = first - p[2, b] * p[3, b] * math.expm1(-time / p[3, b])
-            state[0, b] += 1.0
+        """In µm; rate (µm/s) and time constant (s) of each warming."""
+        return [0.0, *self.values.values()]
 
 
 @dataclass(frozen=True)
@@ -141,29 +108,20 @@ class TwoWarmings(Clocked, Extension, of=ThermalDrift):
 
     rate_um_s: float = 5e-3
     time_constant_s: float = 50.0
-    second_rate_um_s: float = 2e-3
-    second_time_constant_s: float = 500.0
+    second_rate_um_s: float = parameter(
+        2e-3, "µm/s", -1.0, 1.0, (1e-3, 1e-2), "drift of the second at t = 0, d2", neutral=0.0
+    )
+    second_time_constant_s: float = parameter(
+        500.0, "s", 1.0, 1e5, (300.0, 3e3), "its time constant, τ2"
+    )
 
     form = "two time constants"
-    parameters = (
-        *ThermalDrift.parameters,
-        Parameter(
-            "second_rate_um_s",
-            "µm/s",
-            -1.0,
-            1.0,
-            (1e-3, 1e-2),
-            "drift of the second at t = 0, d2",
-            neutral=0.0,
-        ),
-        Parameter("second_time_constant_s", "s", 1.0, 1e5, (300.0, 3e3), "its time constant, τ2"),
-    )
     equation = "y = y_m + d τ (1 - exp(-t / τ)) + d2 τ2 (1 - exp(-t / τ2))"
     cause = (
         "The stack warms up within a minute and the frame within an hour, each with an expansion "
         "of its own, which may oppose the other."
     )
-    block = staticmethod(two_warmings_block)
+    block = staticmethod(settling_block)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -177,27 +135,7 @@ class TwoWarmings(Clocked, Extension, of=ThermalDrift):
             for ratio in (0.2, 5.0)
         )  # fmt: skip
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Rate (µm/s) and time constant (s) of each."""
-        return [
-            self.rate_um_s, self.time_constant_s,
-            self.second_rate_um_s, self.second_time_constant_s,
-        ]  # fmt: skip
-
-
-@njit(cache=True)
-def knots_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: time between knots (s), values at the knots after t = 0 (µm).
-
-    Row of the state: samples since t = 0.
-    """
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] + along_knots(state[0, b] * ts, p, b)
-            state[0, b] += 1.0
+    coefficients = ThermalDrift.coefficients
 
 
 # Of the values at knots: suffix, unit, bounds, typical range and meaning.
@@ -234,22 +172,6 @@ class DriftByKnots(ByKnots, of=ThermalDrift):
         "Hardware: a box around it, invar, warm-up. Compensation: none beforehand, as it does not "
         "repeat; take it out of a record, or close the loop."
     )
-    block = staticmethod(knots_block)
-
-
-@njit(cache=True)
-def curve_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: time between knots (s), four coefficients (µm) of each cubic.
-
-    Row of the state: samples since t = 0.
-    """
-    for b in range(x.shape[1]):
-        if np.isnan(state[0, b]):
-            state[0, b] = 0.0
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] + along_curve(state[0, b] * ts, p, b)
-            state[0, b] += 1.0
 
 
 @dataclass(frozen=True)
@@ -277,4 +199,3 @@ class DriftByCurve(Smooth, DriftByKnots, of=ThermalDrift):
         "y = y_m + z(t), z a natural cubic spline through z(k D / 14) = zk, z(0) = 0, constant from "
         "D on"
     )
-    block = staticmethod(curve_block)

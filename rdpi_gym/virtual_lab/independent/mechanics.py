@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab.independent.twin import Twin
+from rdpi_gym.virtual_lab.independent.twin import Grid, Mechanism, Twin, carried, times
 
 # Creep lives on time constants of 10^-2.25 to 10^3.25 s, with the same density everywhere.
-_FASTEST, _SLOWEST = -2.25, 3.25
+_FASTEST, _SLOWEST, _NODES = -2.25, 3.25, 40
 
 
 @njit(cache=True)
@@ -37,7 +37,7 @@ def _vibrate(force: Array, step: float, w: float, damping: float, state: Array) 
             v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
         last = force[k]
         out[k] = x
-    state[:] = (last, x, v)
+    state[0], state[1], state[2] = last, x, v
     return out
 
 
@@ -55,8 +55,9 @@ def _drag(x: Array, half_width: float, state: Array) -> Array:
 
 
 @njit(cache=True)
-def _creep(x: Array, decay: Array, share: Array, elements: Array, last: float) -> Array:
+def _creep(x: Array, decay: Array, share: Array, state: Array) -> Array:
     out = np.empty_like(x)
+    elements, last = state[:-1], state[-1]
     for k in range(len(x)):
         middle = 0.5 * (last + x[k])
         last = x[k]
@@ -65,138 +66,79 @@ def _creep(x: Array, decay: Array, share: Array, elements: Array, last: float) -
             elements[i] = middle + decay[i] * (elements[i] - middle)
             total += share[i] * elements[i]
         out[k] = total
+    state[-1] = last
     return out
 
 
-class Vibration:
-    """Mass on a spring, at rest at the first sample."""
-
-    def __init__(self, f0_hz: float, damping: float, step_s: float) -> None:
-        self._w, self._damping, self._step = 2.0 * math.pi * f0_hz, damping, step_s
-        self._state: Array | None = None
-
-    def __call__(self, x: Array) -> Array:
-        """Displacement for the force `x`, in µm of static displacement."""
-        if self._state is None:
-            self._state = np.array([x[0], x[0], 0.0])
-        return np.asarray(_vibrate(x, self._step, self._w, self._damping, self._state))
+def vibration(grid: Grid, f0_hz: float, damping: float) -> Mechanism:
+    """Mass on a spring, at rest at the first sample; input in µm of static displacement."""
+    w = 2.0 * math.pi * f0_hz
+    return carried(
+        lambda x: np.array([x[0], x[0], 0.0]),
+        lambda x, state: _vibrate(x, grid.step_s, w, damping, state),
+    )
 
 
-class Gap:
+def gap(grid: Grid, half_width_um: float) -> Mechanism:
     """Load that sits in the middle of a gap at the first sample."""
-
-    def __init__(self, half_width_um: float) -> None:
-        self._half_width = half_width_um
-        self._state: Array | None = None
-
-    def __call__(self, x: Array) -> Array:
-        """Displacement of the load."""
-        if self._state is None:
-            self._state = np.array([x[0], 0.0, x[0]])
-        return np.asarray(_drag(x, self._half_width, self._state))
+    return carried(
+        lambda x: np.array([x[0], 0.0, x[0]]), lambda x, state: _drag(x, half_width_um, state)
+    )
 
 
-class Viscoelasticity:
+def viscoelasticity(grid: Grid, gain_per_decade: float) -> Mechanism:
     """Continuous spectrum of Kelvin-Voigt elements, by Gauss-Legendre quadrature over log τ."""
-
-    def __init__(self, gain_per_decade: float, step_s: float, nodes: int = 40) -> None:
-        abscissae, weights = np.polynomial.legendre.leggauss(nodes)
-        decades = 0.5 * (_SLOWEST - _FASTEST)
-        tau = 10.0 ** (_FASTEST + decades * (abscissae + 1.0))
-        self._decay = np.exp(-step_s / tau)
-        self._share = gain_per_decade * decades * weights
-        self._elements: Array | None = None
-        self._last = 0.0
-
-    def __call__(self, x: Array) -> Array:
-        """Displacement with what has crept so far."""
-        if self._elements is None:
-            self._elements, self._last = np.full(len(self._share), x[0]), float(x[0])
-        out = np.asarray(_creep(x, self._decay, self._share, self._elements, self._last))
-        self._last = float(x[-1])
-        return out
+    abscissae, weights = np.polynomial.legendre.leggauss(_NODES)
+    decades = 0.5 * (_SLOWEST - _FASTEST)
+    tau = 10.0 ** (_FASTEST + decades * (abscissae + 1.0))
+    decay, share = np.exp(-grid.step_s / tau), gain_per_decade * decades * weights
+    return carried(
+        lambda x: np.full(_NODES + 1, x[0]), lambda x, state: _creep(x, decay, share, state)
+    )
 
 
-class _Clocked:
-    """Mechanism with a clock: `start_s` and the grid's step (s)."""
-
-    def __init__(self, start_s: float, step_s: float) -> None:
-        self._start, self._step, self._count = start_s, step_s, 0
-
-    def _times(self, x: Array) -> Array:
-        times = self._start + np.arange(self._count, self._count + len(x)) * self._step
-        self._count += len(x)
-        return np.asarray(times, dtype=np.float64)
-
-
-class Ageing(_Clocked):
+def ageing(grid: Grid, rate_per_s: float) -> Mechanism:
     """Gain that grows by `rate_per_s` of its first value a second."""
-
-    def __init__(self, rate_per_s: float, start_s: float, step_s: float) -> None:
-        super().__init__(start_s, step_s)
-        self._rate = rate_per_s
-
-    def __call__(self, x: Array) -> Array:
-        """Displacement with the gain of its time."""
-        return x * (1.0 + self._rate * self._times(x))
+    clock = times(grid)
+    return lambda x: x * (1.0 + rate_per_s * clock(x))
 
 
-class Warming(_Clocked):
+def warming(grid: Grid, rate_um_s: float, time_constant_s: float) -> Mechanism:
     """Expansion that begins at `rate_um_s` and settles with a time constant (s)."""
-
-    def __init__(
-        self, rate_um_s: float, time_constant_s: float, start_s: float, step_s: float
-    ) -> None:
-        super().__init__(start_s, step_s)
-        self._final, self._tau = rate_um_s * time_constant_s, time_constant_s
-
-    def __call__(self, x: Array) -> Array:
-        """Displacement with the expansion of its time."""
-        return x + self._final * (1.0 - np.exp(-self._times(x) / self._tau))
+    clock, final = times(grid), rate_um_s * time_constant_s
+    return lambda x: x + final * (1.0 - np.exp(-clock(x) / time_constant_s))
 
 
-class Hum(_Clocked):
+def hum(grid: Grid, amplitude_um: float, frequency_hz: float, phase_rad: float) -> Mechanism:
     """Line of the mains, as the imaginary part of a turning pointer."""
-
-    def __init__(
-        self, amplitude_um: float, frequency_hz: float, phase_rad: float, start_s: float, step_s: float
-    ) -> None:  # fmt: skip
-        super().__init__(start_s, step_s)
-        self._pointer = amplitude_um * complex(math.cos(phase_rad), math.sin(phase_rad))
-        self._turn = 2j * math.pi * frequency_hz
-
-    def __call__(self, x: Array) -> Array:
-        """Measurement with the line."""
-        return np.asarray(x + (self._pointer * np.exp(self._turn * self._times(x))).imag)
+    pointer = amplitude_um * complex(math.cos(phase_rad), math.sin(phase_rad))
+    clock, turn = times(grid), 2j * math.pi * frequency_hz
+    return lambda x: np.asarray(x + (pointer * np.exp(turn * clock(x))).imag)
 
 
-class Line:
-    """Line that holds the past: what comes out went in `delay_s` ago."""
+def line(grid: Grid, delay_s: float) -> Mechanism:
+    """Line that holds the past, linear between two points of the grid."""
+    samples = delay_s / grid.step_s
+    kept = math.ceil(samples) + 1
+    whole, part = divmod(samples, 1.0)
 
-    def __init__(self, delay_s: float, step_s: float) -> None:
-        self._samples = delay_s / step_s
-        self._past: Array | None = None
-
-    def __call__(self, x: Array) -> Array:
-        """Output of the line; between two points of the grid it is linear."""
-        kept = math.ceil(self._samples) + 1
-        if self._past is None:
-            self._past = np.full(kept, x[0])
-        line = np.concatenate([self._past, x])
-        self._past = line[-kept:].copy()
-        whole, part = divmod(self._samples, 1.0)
-        end = len(line) - int(whole)
-        newer, older = line[end - len(x) : end], line[end - len(x) - 1 : end - 1]
+    def shift(x: Array, past: Array) -> Array:
+        held = np.concatenate([past, x])
+        past[:] = held[-kept:]
+        end = len(held) - int(whole)
+        newer, older = held[end - len(x) : end], held[end - len(x) - 1 : end - 1]
         return np.asarray(newer + part * (older - newer), dtype=np.float64)
+
+    return carried(lambda x: np.full(kept, x[0]), shift)
 
 
 TWINS = (
-    Twin("creep", 1, 10, lambda grid, **values: Viscoelasticity(**values, step_s=grid.step_s)),
-    Twin("resonance", 2, 20, lambda grid, **values: Vibration(**values, step_s=grid.step_s)),
-    Twin("backlash", 12, 30, lambda grid, **values: Gap(**values)),
-    Twin("gain_drift", 10, 40, lambda grid, **values: Ageing(**values, **vars(grid))),
-    Twin("thermal_drift", 9, 50, lambda grid, **values: Warming(**values, **vars(grid))),
-    Twin("delay", 5, 60, lambda grid, **values: Line(**values, step_s=grid.step_s)),
-    Twin("mains_hum", 13, 80, lambda grid, **values: Hum(**values, **vars(grid))),
+    Twin("creep", 1, 10, viscoelasticity),
+    Twin("resonance", 2, 20, vibration),
+    Twin("backlash", 12, 30, gap),
+    Twin("gain_drift", 10, 40, ageing),
+    Twin("thermal_drift", 9, 50, warming),
+    Twin("delay", 5, 60, line),
+    Twin("mains_hum", 13, 80, hum),
 )
 """Effects behind the ceramic."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.independent.twin import Grid, MaterialTwin, Mechanism, twins
+from rdpi_gym.virtual_lab.independent.twin import Grid, MaterialTwin, Mechanism, carried, twins
 
 
 @njit(cache=True)
@@ -57,26 +57,15 @@ def _deform(
             strain = weights[0] * u[k] + plays * (1.0 + growth * u[k] ** 2)
             out[k] = strain * (1.0 + square * strain)
         growth_before = growth_now
-    memory[:] = (last, rate, growth_before)
+    memory[0], memory[1], memory[2] = last, rate, growth_before
     return out
 
 
 @dataclass(frozen=True)
 class Ceramic:
-    """Numbers of the material.
+    """Numbers of the material: the RDPI model's, then those of the effects that lie within it.
 
-    Parameters
-    ----------
-    weights, thresholds_V, delta2_s, rate_bandwidth_hz
-        The RDPI model's, as plain numbers.
-    exponent, reference_rate_V_s
-        Thresholds grow with v0 (|v| / v0)^p.
-    extremum_V
-        Where the voltage turned before the record.
-    growth_per_V2
-        Growth of the plays' weights with the square of the voltage.
-    square_per_um
-        Coefficient of the squared strain.
+    Thresholds grow with v0 (|v| / v0)^p; the voltage turned at `extremum_V` before the record.
     """
 
     weights: Sequence[float]
@@ -90,31 +79,24 @@ class Ceramic:
     square_per_um: float = 0.0
 
 
-class Deformation:
-    """Displacement of the ceramic over the voltage, with the memory of its stops."""
+def deformation(c: Ceramic, step_s: float, parts: int) -> Mechanism:
+    """Displacement (µm) of the ceramic over the voltage at the stack, with the memory of its stops."""
+    weights = np.array(c.weights, dtype=np.float64)
+    rest = np.array(c.thresholds_V, dtype=np.float64)
 
-    def __init__(self, ceramic: Ceramic, step_s: float, parts: int) -> None:
-        self._ceramic, self._step, self._parts = ceramic, step_s, parts
-        self._weights = np.array(ceramic.weights, dtype=np.float64)
-        self._rest = np.array(ceramic.thresholds_V, dtype=np.float64)
-        self._stops: Array | None = None
-        self._memory = np.zeros(3)
+    def start(u: Array) -> Array:
+        turned = np.clip(c.extremum_V, -rest, rest)
+        return np.array([u[0], 0.0, 0.0, *np.clip(turned + u[0] - c.extremum_V, -rest, rest)])
 
-    def __call__(self, u: Array) -> Array:
-        """Displacement (µm) for the voltage `u` at the stack."""
-        c = self._ceramic
-        if self._stops is None:
-            turned = np.clip(c.extremum_V, -self._rest, self._rest)
-            self._stops = np.clip(turned + u[0] - c.extremum_V, -self._rest, self._rest)
-            self._memory[0] = u[0]
-        parts = min(self._parts, len(u))
+    def deform(u: Array, state: Array) -> Array:
         return np.asarray(
             _deform(
-                u, parts, self._step, self._weights, self._rest, c.delta2_s, c.rate_bandwidth_hz or 0.0,
-                c.exponent, c.reference_rate_V_s, c.growth_per_V2, c.square_per_um,
-                self._stops, self._memory,
+                u, min(parts, len(u)), step_s, weights, rest, c.delta2_s, c.rate_bandwidth_hz or 0.0,
+                c.exponent, c.reference_rate_V_s, c.growth_per_V2, c.square_per_um, state[3:], state[:3],
             )
         )  # fmt: skip
+
+    return carried(start, deform)
 
 
 TWINS = (
@@ -222,7 +204,7 @@ def _chain(
         except TypeError as error:
             raise InputError(f"{name}: {error}") from error
     if ceramic is not None:
-        mechanisms.append((0, Deformation(ceramic, h, parts)))
+        mechanisms.append((0, deformation(ceramic, h, parts)))
     elif callable(hysteresis):
         mechanisms.append((0, hysteresis(h, parts)))
     return [mechanism for _, mechanism in sorted(mechanisms, key=lambda item: item[0])]

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.plugins import modules_of
 
@@ -28,6 +30,29 @@ class Grid:
 
     start_s: float
     step_s: float
+
+
+def carried(start: Callable[[Array], Array], step: Callable[[Array, Array], Array]) -> Mechanism:
+    """Mechanism with a state: ``start(x)`` of the first samples, changed in place by ``step(x, state)``."""
+    state: list[Array] = []
+
+    def run(x: Array) -> Array:
+        if not state:
+            state.append(start(x))
+        return np.asarray(step(x, state[0]))
+
+    return run
+
+
+def times(grid: Grid) -> Mechanism:
+    """Clock: the times (s) of the samples that it is given, one stretch after the other."""
+
+    def advance(x: Array, begin: Array) -> Array:
+        begin += len(x)
+        indices = np.arange(begin[0] - len(x), begin[0])
+        return np.asarray(grid.start_s + indices * grid.step_s, dtype=np.float64)
+
+    return carried(lambda x: np.zeros(1, dtype=np.int64), advance)
 
 
 @dataclass(frozen=True)

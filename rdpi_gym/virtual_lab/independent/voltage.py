@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.virtual_lab.independent.twin import Twin
+from rdpi_gym.virtual_lab.independent.twin import Grid, Mechanism, Twin, carried
 
 
 @njit(cache=True)
@@ -21,10 +21,14 @@ def _soften(u: Array, limit: float, centre: float) -> Array:
 
 
 @njit(cache=True)
-def _charge_at_limited_current(u: Array, largest: float, last: float, start: float) -> Array:
-    """Follow u, linear between the grid's points, by `largest` a step; finer steps while apart."""
+def _charge_at_limited_current(u: Array, largest: float, state: Array) -> Array:
+    """Follow u, linear between the grid's points, by `largest` a step; finer steps while apart.
+
+    The state is the last u and the voltage.
+    """
     parts = 64
-    out, voltage = np.empty_like(u), start
+    out = np.empty_like(u)
+    last, voltage = state
     for k in range(len(u)):
         change = u[k] - last
         if voltage == last and abs(change) <= largest:
@@ -37,15 +41,17 @@ def _charge_at_limited_current(u: Array, largest: float, last: float, start: flo
                 voltage += missing
         last = u[k]
         out[k] = voltage
+    state[:] = (last, voltage)
     return out
 
 
 @njit(cache=True)
-def _relax(u: Array, step: float, tau: float, last: float, start: float) -> Array:
-    """Classical Runge-Kutta for τ x' = u - x, with u linear between the grid's points."""
+def _relax(u: Array, step: float, tau: float, state: Array) -> Array:
+    """Classical Runge-Kutta for τ x' = u - x, u linear between the grid's points; state: u and x."""
     parts = math.ceil(step / (0.1 * tau))
     h = step / parts / tau
-    out, x = np.empty_like(u), start
+    out = np.empty_like(u)
+    last, x = state
     for k in range(len(u)):
         slope = (u[k] - last) / parts
         for i in range(parts):
@@ -58,60 +64,36 @@ def _relax(u: Array, step: float, tau: float, last: float, start: float) -> Arra
             x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         last = u[k]
         out[k] = x
+    state[:] = (last, x)
     return out
 
 
-class Softening:
+def softening(grid: Grid, limit_V: float, centre_V: float) -> Mechanism:
     """Amplifier with an odd logistic characteristic: limit and centre (V)."""
-
-    def __init__(self, limit_V: float, centre_V: float) -> None:
-        self._limit, self._centre = limit_V, centre_V
-
-    def __call__(self, u: Array) -> Array:
-        """Voltage for the command `u`."""
-        return np.asarray(_soften(u, self._limit, self._centre))
+    return lambda u: np.asarray(_soften(u, limit_V, centre_V))
 
 
-class CurrentLimit:
+def current_limit(grid: Grid, rate_V_s: float) -> Mechanism:
     """Amplifier that moves the voltage by `rate_V_s` times the grid's step (s) at most."""
-
-    def __init__(self, rate_V_s: float, step_s: float) -> None:
-        self._largest = rate_V_s * step_s
-        self._last: float | None = None
-        self._voltage = 0.0
-
-    def __call__(self, u: Array) -> Array:
-        """Voltage for the command `u`."""
-        if self._last is None:
-            self._last = self._voltage = float(u[0])
-        out = np.asarray(_charge_at_limited_current(u, self._largest, self._last, self._voltage))
-        self._last, self._voltage = float(u[-1]), float(out[-1])
-        return out
+    largest = rate_V_s * grid.step_s
+    return carried(_held_twice, lambda u, state: _charge_at_limited_current(u, largest, state))
 
 
-class FirstOrder:
+def first_order(grid: Grid, time_constant_s: float) -> Mechanism:
     """Differential equation τ x' = u - x, for the charging of the stack and for the sensor."""
+    if time_constant_s == 0.0:
+        return lambda u: u
+    return carried(_held_twice, lambda u, state: _relax(u, grid.step_s, time_constant_s, state))
 
-    def __init__(self, time_constant_s: float, step_s: float) -> None:
-        self._tau, self._step = time_constant_s, step_s
-        self._last: float | None = None
-        self._value = 0.0
 
-    def __call__(self, u: Array) -> Array:
-        """Value for the input `u`."""
-        if self._tau == 0.0:
-            return u
-        if self._last is None:
-            self._last = self._value = float(u[0])
-        out = np.asarray(_relax(u, self._step, self._tau, self._last, self._value))
-        self._last, self._value = float(u[-1]), float(out[-1])
-        return out
+def _held_twice(u: Array) -> Array:
+    return np.array([u[0], u[0]])
 
 
 TWINS = (
-    Twin("saturation", 7, -30, lambda grid, **values: Softening(**values)),
-    Twin("slew_limit", 8, -20, lambda grid, **values: CurrentLimit(**values, step_s=grid.step_s)),
-    Twin("actuator_lag", 3, -10, lambda grid, **values: FirstOrder(**values, step_s=grid.step_s)),
-    Twin("sensor_lag", 4, 70, lambda grid, **values: FirstOrder(**values, step_s=grid.step_s)),
+    Twin("saturation", 7, -30, softening),
+    Twin("slew_limit", 8, -20, current_limit),
+    Twin("actuator_lag", 3, -10, first_order),
+    Twin("sensor_lag", 4, 70, first_order),
 )
 """Effects on the way to the stack, and the sensor that is such a first order too."""

@@ -171,7 +171,7 @@ def test_kernels_without_c_are_refused_with_their_place():
 def test_callees_stand_before_their_callers():
     functions = Functions()
     form = next(f for f in FORMS if f.full_name() == "slew_limit")
-    p, state = Block("p", (1, 1), known=np.array([[0.5]])), Block("m", (2, 1))
+    p, state = Block("p", (2, 1), known=np.array([[0.5], [0.5]])), Block("m", (2, 1))
     x, y = Block("x", (1, 1)), Block("y", (1, 1))
     functions.call(form.block, [x, x, p, state, Known(TS_S), y], _no_local)
     places = [

@@ -42,14 +42,6 @@ def test_it_equals_an_independent_integration(case, longest_V: float) -> None:
     np.testing.assert_allclose(run(core_of(*case), u)[turns], y, atol=1e-7 * np.ptp(y))
 
 
-@over("case", CASES)
-def test_a_way_may_be_cut_into_samples_as_one_likes(case) -> None:
-    coarse, turns = sampled(corners(), 50.0)
-    fine, at = sampled(corners(), 0.01)
-    y = run(core_of(*case), fine)
-    np.testing.assert_allclose(y[at], run(core_of(*case), coarse)[turns], atol=1e-7 * np.ptp(y))
-
-
 def test_the_first_loading_is_that_of_the_closed_forms() -> None:
     u = np.linspace(0.0, 12.0, 200)
     exponential = run(BoucWen(0.0, 1.0, 3.0, 0.5, 1.0), u)
@@ -94,27 +86,6 @@ def test_it_never_passes_its_limit_and_no_step_is_too_long() -> None:
         y = run(core, u)
         assert np.all((y >= low * (1 + 1e-15)) & (y <= high * (1 + 1e-15)))
         assert run(core, np.array([1e308, -1e308])).tolist() == pytest.approx([high, low])
-
-
-def test_a_friction_of_its_kind_takes_energy_in_every_walk() -> None:
-    rng = np.random.default_rng(5)
-    for sigma, exponent in ((0.5, 1.0), (0.5, 1.7), (1.4, 2.3)):
-        path, _ = sampled(np.cumsum(rng.normal(size=200)), 0.01)
-        z = run(BoucWen(0.0, 1.0, 2.0, sigma, exponent), path)
-        work = np.cumsum(0.5 * (z[1:] + z[:-1]) * np.diff(path))
-        # what a spring could hold: the stored energy never exceeds the work that was put in
-        assert np.min(work) > -0.5 * 2.0**2
-        assert work[-1] > 0.0
-
-
-def test_small_loops_drift_along_a_staircase() -> None:
-    # A small dither about one command carries z back, loop by loop, until the loop stands about zero.
-    core = BoucWen(0.0, 1.0, 2.0, 1.0, 1.0)
-    path = np.concatenate([[5.0], np.tile([4.8, 5.0], 400)])
-    z = run(core, path)[::2]
-    assert np.all(np.diff(z[:50]) < 0.0)
-    # the steady loop of h = 0.2 / zc is symmetric: z = zc tanh(h / 2)
-    assert z[-1] == pytest.approx(2.0 * math.tanh(0.05), rel=1e-6)
 
 
 def test_the_asymmetric_form_saturates_at_unlike_heights_and_is_nested() -> None:

@@ -10,11 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.optimize import least_squares, nnls
 
 from rdpi_gym.plant import PAPER_III_B, Plant, PlantModel
 from rdpi_gym.plant.cores.generalised import GeneralisedPI
-from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from tests.looping import over
 from tests.plant.cores.integration import path, run
@@ -123,24 +121,6 @@ def test_an_envelope_is_tanh_to_the_last_digits(bend: float) -> None:
     np.testing.assert_allclose(core.envelopes(u)[0], exact, atol=3e-15 * np.ptp(exact), rtol=2e-15)
 
 
-def test_branches_from_far_away_are_the_envelopes() -> None:
-    u = np.array([-1e3, *np.linspace(-20.0, 30.0, 101)])
-    rising, falling = WIRE.envelopes(u)
-    mean = 0.5 * (rising + falling)
-    plays = sum(a * (rising - r) for a, r in zip(WIRE.weights[1:], WIRE.thresholds_V, strict=True))
-    slid = slice(60, None)  # every play has left the other envelope
-    np.testing.assert_allclose(
-        run(WIRE, u)[slid], (WIRE.weights[0] * mean + plays)[slid], atol=1e-12
-    )
-    u = -u
-    rising, falling = WIRE.envelopes(u)
-    mean = 0.5 * (rising + falling)
-    plays = sum(a * (falling + r) for a, r in zip(WIRE.weights[1:], WIRE.thresholds_V, strict=True))
-    np.testing.assert_allclose(
-        run(WIRE, u)[slid], (WIRE.weights[0] * mean + plays)[slid], atol=1e-12
-    )
-
-
 @given(shapes, st.lists(volts, min_size=1, max_size=6), volts, volts)
 def test_more_command_is_never_less_displacement(
     core: GeneralisedPI, turns: list[float], one: float, other: float
@@ -160,68 +140,3 @@ def test_a_loop_within_is_forgotten_whatever_the_shape(
     once = run(core, np.array([*turns, top, -top, top * 0.9]))
     looped = run(core, np.array([*turns, top, -top, *inner, top * 0.97, -top, top * 0.9]))
     assert looped[-1] == pytest.approx(once[-1], abs=1e-12)
-
-
-@given(shapes, st.lists(volts, min_size=1, max_size=8))
-def test_no_command_moves_it_farther_than_its_largest_gain(
-    core: GeneralisedPI, turns: list[float]
-) -> None:
-    y = run(core, np.array(turns))
-    assert np.max(np.abs(y)) <= core.A * np.max(np.abs(turns)) * (1 + 1e-12) + 1e-12
-
-
-def test_small_loops_of_one_size_differ_by_where_they_stand() -> None:
-    heights = []
-    for bias in (-12.0, 0.0, 12.0):
-        y = run(WIRE, path(np.array([0.0, bias + 6.0, bias - 6.0, bias + 6.0])))
-        heights.append(float(np.ptp(y[-40:])))
-    assert heights[0] < 0.9 * heights[1]
-    assert heights[2] < 0.9 * heights[1]
-
-
-def fitted(start: GeneralisedPI, span: float, u: Array, y: Array) -> tuple[float, GeneralisedPI]:
-    """Gains by non-negative least squares, inside a search over the shape."""
-    sizes = np.array([1.0 / span, span, 1.0 / span, span, 1.0])
-    names = [p.name for p in start.shape]
-
-    def columns(x: Array) -> tuple[GeneralisedPI, Array]:
-        core = start.with_shape(dict(zip(names, (x * sizes).tolist(), strict=True)))
-        return core, core.responses(u, u, np.zeros(core.n))
-
-    def error(x: Array) -> Array:
-        _, responses = columns(x)
-        return np.asarray(responses @ nnls(responses, y)[0] - y)
-
-    begin = np.array([getattr(start, name) for name in names]) / sizes
-    low, high = (0.01, -4.0, 0.01, -4.0, 0.2), (10.0, 4.0, 10.0, 4.0, 5.0)
-    result = least_squares(error, begin, bounds=(low, high), max_nfev=40)
-    core, responses = columns(result.x)
-    return float(result.cost), core.with_gains(nnls(responses, y)[0])
-
-
-@over("seed", range(3))
-def test_a_fit_from_its_starts_finds_a_plant_of_its_own(seed: int) -> None:
-    """One whose rising branch is the later one, as a loop has it."""
-    rng, span = np.random.default_rng(seed), 30.0
-    starts = GeneralisedPI.starts(DataScale(0.0, span, 20.0, 400.0, 1e-3, 4.0))
-    weights = np.zeros(starts[0].n + 1)
-    weights[0], weights[rng.choice(np.arange(9, 37), 6, replace=False)] = 0.3, 0.1
-    bends = rng.uniform(0.4, 2.0, 2) / span
-    centres = np.array([rng.uniform(0.0, 0.3), rng.uniform(-0.3, 0.0)]) * span
-    true = replace(
-        starts[0],
-        weights=tuple(weights.tolist()),
-        rising_per_V=float(bends[0]),
-        rising_centre_V=float(centres[0]),
-        falling_per_V=float(bends[1]),
-        falling_centre_V=float(centres[1]),
-        falling_gain=float(rng.uniform(0.8, 1.25)),
-    )
-    turns = [0, 1, -1, 0.9, -0.8, 0.6, -0.5, 0.8, 0, 0.4, -0.9, -0.3, -0.7, 0.95, 0.3, 0.7, -0.2, 1]
-    u = path(span * np.array(turns), 25)
-    fits = [fitted(start, span, u, run(true, u)) for start in starts]
-    _, core = min(fits, key=lambda fit: fit[0])
-    for p in core.shape:
-        scale = span if p.unit == "V" else getattr(true, p.name)
-        assert getattr(core, p.name) == pytest.approx(getattr(true, p.name), abs=0.01 * scale)
-    np.testing.assert_allclose(core.weights, true.weights, atol=1e-3)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -45,13 +43,6 @@ def test_at_a_constant_rate_it_is_stribecks_curve(rate: float) -> None:
     assert run(CORE, u, ts)[-1] == pytest.approx(CORE.steady_um(rate), rel=1e-9)
     assert CORE.steady_um(1e-9) == pytest.approx(8.0 * 0.4 * 1.6)
     assert CORE.steady_um(1e6) == pytest.approx(8.0 * 0.4 + 0.01 * 1e6)
-
-
-def test_it_falls_with_slow_rates_and_rises_with_fast_ones() -> None:
-    dry, rates = replace(CORE, s2_s=0.0), np.geomspace(1.0, 100.0, 60)
-    assert np.all(np.diff([dry.steady_um(rate) for rate in rates]) < 0.0)
-    slow, middle, fast = (CORE.steady_um(rate) for rate in (3.0, 60.0, 600.0))
-    assert middle < slow < fast
 
 
 def test_a_slow_walk_is_dahls_model_of_the_static_limit() -> None:

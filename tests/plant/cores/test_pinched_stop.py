@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import nnls
 
 from rdpi_gym.measurement import load, measured_data
 from rdpi_gym.plant import Plant, PlantModel
@@ -16,7 +16,6 @@ from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from tests.looping import over
 from tests.plant.cores.integration import path, run
 
 DAMPER = PinchedStop(weights=(4.0, 1.0, 0.0, 0.5, 3.0), threshold_V=5.0, slope=-0.02)
@@ -57,30 +56,6 @@ def test_with_one_stiffness_it_is_a_stop() -> None:
     np.testing.assert_allclose(
         run(PinchedStop((0.7,) * 6, 3.0, 0.1), u), run(Stop((0.7,), (3.0,), 0.1), u), atol=1e-12
     )
-
-
-def test_sections_of_one_stiffness_are_one_section() -> None:
-    u = path(np.array([0.0, 9.0, -9.0, 4.0]))
-    np.testing.assert_allclose(
-        run(PinchedStop((2.0,), 3.0), u), run(PinchedStop((2.0, 2.0, 2.0), 3.0), u), atol=1e-12
-    )
-
-
-@over("start", PinchedStop.starts(DataScale(0.0, 20.0, 8.0, 100.0, 1e-3, 4.0)))
-def test_a_fit_finds_a_plant_of_its_own(start: PinchedStop) -> None:
-    u = path(20.0 * np.array([0, 1, -0.8, 0.6, -0.5, 0.3, -0.1, 0.02, 0.2, -1, 1]), 60)
-    weights = (3.0, 2.0, 1.0, 0.3, 0.0, 0.0, 0.1, 0.4, 0.9, 1.5, 2.0, 2.5)
-    true = PinchedStop(weights, 4.7)
-    y = run(true, u)
-
-    def error(log_r: Array) -> Array:
-        columns = start.with_shape({"threshold_V": float(np.exp(log_r[0]))}).responses(
-            u, u, np.zeros(1)
-        )
-        return np.asarray(columns @ nnls(columns, y)[0] - y)
-
-    fit = least_squares(error, [np.log(start.threshold_V)])
-    assert float(np.exp(fit.x[0])) == pytest.approx(true.threshold_V, rel=1e-3)
 
 
 def test_gains_that_leave_no_stiffness_at_a_turn_are_moved_until_there_is_one() -> None:

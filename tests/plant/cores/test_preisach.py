@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -72,26 +71,6 @@ def test_it_is_the_sum_of_its_relays(count, share, low):
     np.testing.assert_allclose(columns[:, 1:], moved, atol=1e-12)
 
 
-@given(COMMANDS, st.lists(st.integers(1, 59), min_size=1, max_size=4))
-def test_cut_anywhere_it_gives_the_same_numbers_to_the_last_bit(u, cuts):
-    core = uneven(7)
-    u[30:33] = u[29]  # a command that stands still
-    whole = run(core, u)
-    parts = Plant(PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0)), TS_S)  # type: ignore[arg-type]
-    edges = sorted({0, *cuts, len(u)})
-    pieces = [parts.simulate(u[a:b]) for a, b in pairwise(edges)]
-    np.testing.assert_array_equal(np.concatenate(pieces), whole)
-
-
-@given(COMMANDS)
-def test_what_lies_between_samples_does_not_matter(u):
-    core = uneven(6, share=0.5)
-    fine = np.interp(np.arange((len(u) - 1) * 50 + 1) / 50, np.arange(len(u)), u)
-    fine[::50] = u
-    coarse = run(core, u)
-    np.testing.assert_allclose(run(core, fine)[::50], coarse, atol=1e-11)
-
-
 @given(COMMANDS, arrays(np.float64, 60, elements=st.floats(0.0, 5.0)))
 def test_more_command_is_more_displacement_and_its_gain_stays_within_its_bounds(u, above):
     core = uneven(8, share=0.7)
@@ -131,78 +110,6 @@ def test_weights_alike_along_diagonals_are_a_sum_of_plays():
 
 def density(a: Array, b: Array) -> Array:
     return np.asarray(np.exp(-0.02 * (a - 3.0) ** 2 - 0.05 * (b + 1.0) ** 2) * (1.2 + 0.1 * a))
-
-
-def dense(u: Array, cells: int = 500) -> Array:
-    """Relays without ramps in the middle of 125 250 cells: the double integral of the classical model."""
-    apart = 20.0 / cells
-    middles = -10.0 + apart * (np.arange(cells) + 0.5)
-    a, b = (x[np.tril_indices(cells)] for x in np.meshgrid(middles, middles, indexing="ij"))
-    weight = density(a, b) * apart**2 * np.where(a > b, 1.0, 0.5)
-    # a cell on α = -β is half up and half down
-    up = np.where(np.isclose(a, -b), 0.5, a < -b)
-    rest, y = up.copy(), []
-    for x in u:
-        up = np.where(x >= a, 1.0, np.where(x <= b, 0.0, up))
-        y.append(2.0 * float(weight @ (up - rest)))
-    return np.array(y)
-
-
-@over("share", [1.0, 0.4])
-def test_it_tends_to_the_classical_model_as_ramps_and_cells_shrink(share):
-    u = path([0.0, 6.0, -3.0, 9.0, -8.5, 2.0, -2.0, 7.0, -9.7, 9.7, 1.0], 60)
-    truth = dense(u)
-    errors = []
-    for count in (5, 10, 20, 40):
-        core = grid(count, share=share, c=0.0)
-        a, b = np.array([(a, b) for a in core.levels_V for b in core.levels_V if b <= a]).T
-        weights = density(a, b) * core.apart_V**2 * np.where(a > b, 1.0, 0.5)
-        y = run(replace(core, weights_um=tuple(weights.tolist())), u)
-        errors.append(float(np.max(np.abs(y - truth))) / float(np.ptp(truth)))
-    for coarse, fine in pairwise(errors):
-        assert fine < 0.6 * coarse
-    assert errors[-1] < (0.004 if share == 1.0 else 0.02)
-
-
-def test_small_loops_between_the_same_commands_are_congruent():
-    core = uneven(15)
-    loops = []
-    for corners in ((-13.0, 4.0), (13.0, -5.0, 4.0), (-13.0, 9.0, -1.5, 4.0)):
-        before = path([0.0, *corners], 200)
-        y = run(core, np.concatenate([before, path([4.0, 1.0, 4.0], 200)]))[len(before) :]
-        loops.append(y - y[0])
-    assert np.ptp(loops[0]) > 1.0
-    for loop in loops[1:]:
-        np.testing.assert_allclose(loop, loops[0], atol=1e-11)
-
-
-def test_beyond_the_outer_levels_only_the_reversible_part_moves():
-    core = uneven(10, c=0.07)
-    y = run(core, np.array([0.0, 10.0, 14.0, 10.0, -10.0, -30.0, -10.0, 10.0]))
-    assert y[2] - y[1] == pytest.approx(0.07 * 4.0)
-    assert y[3] == pytest.approx(y[1])
-    assert y[5] - y[4] == pytest.approx(-0.07 * 20.0)
-    # the major loop's height is that of all relays, and it closes
-    assert y[7] - y[6] == pytest.approx(20.0 * 0.07 + 2.0 * sum(core.weights_um))
-    assert y[7] == pytest.approx(y[1])
-
-
-def test_weights_without_symmetry_make_rising_and_falling_branches_unlike():
-    u = path([12.0, -12.0, 12.0], 200)[:-1]
-    for core, odd in ((uneven(10), False), (grid(10), True)):
-        y = run(core, np.tile(u, 2))[len(u) :]
-        falling, rising = y[: len(u) // 2], y[len(u) // 2 :]
-        unlike = np.ptp(falling + rising) / np.ptp(y)
-        assert unlike < 1e-12 if odd else unlike > 0.05
-
-
-def test_lanes_have_their_own_levels_and_weights():
-    cores = [uneven(6, seed=k, low=-10.0 + k, share=0.5 + 0.1 * k) for k in range(5)]
-    u = np.random.default_rng(1).uniform(-12.0, 12.0, (200, 5))
-    models = [PlantModel(core, "demo", (-99.0, 99.0), (0.0, 5.0)) for core in cores]  # type: ignore[arg-type]
-    together = Plant(models, TS_S).simulate(u)
-    for lane, core in enumerate(cores):
-        np.testing.assert_array_equal(together[:, lane], run(core, u[:, lane].copy()))
 
 
 def test_memory_of_other_weights_is_the_same_plays():

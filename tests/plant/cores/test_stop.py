@@ -9,11 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.optimize import nnls
 
 from rdpi_gym.plant.cores.stop import Stop
 from rdpi_gym.support.arrays import Array
-from tests.looping import over
 from tests.plant.cores.integration import path, run
 
 FRICTION = Stop(weights=(2.0, 0.7, 0.3), thresholds_V=(0.5, 2.0, 6.0), slope=-0.05)
@@ -52,14 +50,6 @@ def test_it_is_an_independent_integration_of_springs_with_sliders() -> None:
     np.testing.assert_allclose(run(FRICTION, u), y, atol=1e-6 * np.ptp(y))
 
 
-def test_from_rest_each_element_carries_the_command_until_it_slips() -> None:
-    u = np.linspace(0.0, 10.0, 301)
-    virgin = sum(
-        w * np.minimum(u, r) for w, r in zip(FRICTION.weights, FRICTION.thresholds_V, strict=True)
-    )
-    np.testing.assert_allclose(run(FRICTION, u), FRICTION.slope * u + virgin, atol=1e-12)
-
-
 @given(st.floats(0.1, 20.0), st.floats(0.0, 1.0))
 def test_masing_a_branch_after_a_turn_is_the_virgin_curve_twice_as_large(
     peak: float, share: float
@@ -70,31 +60,10 @@ def test_masing_a_branch_after_a_turn_is_the_virgin_curve_twice_as_large(
     assert y[0] - y[1] == pytest.approx(2.0 * run(FRICTION, np.array([0.5 * fall]))[0], abs=1e-10)
 
 
-@over("peak", [1.0, 4.0, 15.0])
-def test_a_cycle_loses_four_w_r_times_the_travel_past_the_threshold(peak: float) -> None:
-    u = path(np.array([0.0, peak, -peak, peak]), 60_001)
-    y = run(FRICTION, u)
-    lost = float(np.trapezoid(y[60_000:], u[60_000:]))  # from the first peak round to the second
-    stated = sum(
-        4.0 * w * r * max(peak - r, 0.0)
-        for w, r in zip(FRICTION.weights, FRICTION.thresholds_V, strict=True)
-    )
-    assert lost == pytest.approx(stated, rel=1e-4)
-
-
 def test_the_force_while_all_slip_is_half_the_height_of_the_loop() -> None:
     core = Stop((2.0, 0.7), (0.5, 2.0))
     u = path(np.array([0.0, 20.0, -20.0, 20.0]), 50)
     assert float(np.ptp(run(core, u))) == pytest.approx(2.0 * core.force_um, rel=1e-12)
-
-
-def test_its_gains_are_found_by_non_negative_least_squares() -> None:
-    u = path(np.array([0.0, 9.0, -7.0, 5.0, -3.0, 1.0, 0.2, 0.9]), 50)
-    columns = FRICTION.responses(u, np.zeros_like(u), np.zeros(3))
-    both = np.column_stack([-columns[:, :1], columns])  # the slope has either sign
-    found, _ = nnls(both, run(FRICTION, u))
-    fitted = FRICTION.with_gains([found[1] - found[0], *found[2:]])
-    np.testing.assert_allclose(fitted.gains, FRICTION.gains, rtol=1e-9)
 
 
 def test_gains_that_leave_no_stiffness_at_a_turn_are_moved_until_there_is_one() -> None:

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 import rdpi_gym.plant.effects as room
-from rdpi_gym.plant import P5, Plant, PlantModel
+from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import (
     CATALOGUE,
     SLOTS,
     Effect,
     Parameter,
-    catalogue,
     check_effect,
     forms_of,
     load_effect,
@@ -24,45 +23,9 @@ from rdpi_gym.plant.effects import (
 from rdpi_gym.plant.effects.description import describe, page, pages
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
+from tests.plant.additions import EFFECT
 
-OWN = '''"""Sag: the frame gives way under the actuator's force."""
-from dataclasses import dataclass
-
-from numba import njit
-
-from rdpi_gym.plant.effects import Effect, Parameter
-
-
-@njit
-def sag_block(x, u, p, state, ts, y):
-    for t in range(x.shape[0]):
-        for b in range(x.shape[1]):
-            y[t, b] = x[t, b] * (1.0 - p[0, b])
-
-
-@dataclass(frozen=True)
-class Sag(Effect):
-    """Frame of finite stiffness."""
-
-    share: float = 0.02
-
-    name = "sag"
-    slot = "output"
-    order = 15
-    parameters = (Parameter("share", "1", 0.0, 0.5, (0.01, 0.05), "share of the stroke", 0.0),)
-    equation = "y = (1 - s) y_m"
-    source = "Springs in series."
-    signature = "Residual proportional to the displacement."
-    experiment = "Any record, with the force measured."
-    mistaken_for = ("gain_drift",)
-    block = staticmethod(sag_block)
-
-    def coefficients(self, ts_s, hysteresis):
-        return [self.share]
-
-    def state_rows(self, ts_s):
-        return 0
-'''
+OWN = EFFECT["rdpi_gym/plant/effects/lever_ratio.py"]
 
 
 @pytest.fixture
@@ -73,16 +36,16 @@ def own_file(tmp_path, monkeypatch):
     def write(text: str = OWN) -> str:
         name = f"own_effect_{abs(hash((text, str(tmp_path))))}"
         Path(f"{name}.py").write_text(text)
-        return f"{name}:Sag"
+        return f"{name}:Bend"
 
     return write
 
 
-def installed(monkeypatch, *entries: EntryPoint) -> catalogue.Catalogue:
+def installed(monkeypatch, *entries: EntryPoint) -> room.Catalogue:
     monkeypatch.setattr(
-        catalogue, "entry_points", lambda group: [e for e in entries if e.group == group]
+        room, "entry_points", lambda group: [e for e in entries if e.group == group]
     )
-    return catalogue.Catalogue()
+    return room.Catalogue()
 
 
 def test_the_catalogue_stands_in_the_order_of_the_chain():
@@ -95,7 +58,7 @@ def test_the_catalogue_stands_in_the_order_of_the_chain():
 
 def test_a_file_of_the_room_is_a_helper_or_holds_the_effect_that_it_is_named_after():
     files = {path.stem for path in Path(room.__file__).parent.glob("*.py")}
-    helpers = {"__init__", "base", "catalogue", "description", "knots", "linear", "unknown_places"}
+    helpers = {"__init__", "base", "description", "knots", "linear"}
     assert files - {*CATALOGUE, "unknown"} == helpers
     for name in {*CATALOGUE, "unknown"}:
         assert CATALOGUE[name].__module__ == f"{room.__name__}.{name}"
@@ -104,7 +67,7 @@ def test_a_file_of_the_room_is_a_helper_or_holds_the_effect_that_it_is_named_aft
 @over("name", CATALOGUE)
 def test_what_an_effect_says_of_itself_is_whole(name):
     kind = CATALOGUE[name]
-    assert catalogue.check_effect(kind, name) is kind
+    assert check_effect(kind, name) is kind
     assert set(kind.mistaken_for) <= set(CATALOGUE) - {name}
     for text in (kind.equation, kind.source, kind.signature, kind.experiment):
         assert len(text) > 10
@@ -127,25 +90,23 @@ def test_a_users_own_effect_takes_under_forty_lines_and_runs_in_a_plant(own_file
     assert len(OWN.splitlines()) < 40
     kind = load_effect(own_file())
     assert issubclass(kind, Effect)
-    bare = PlantModel(P5.hysteresis, "bare", (-20, 20), (0, 10))
-    own = PlantModel(P5.hysteresis, "own", (-20, 20), (0, 10), effects=(kind(share=0.1),))
-    u = np.random.default_rng(0).normal(0, 5, 50)
-    expected = 0.9 * Plant(bare, 1e-3).simulate(u)
-    np.testing.assert_allclose(Plant(own, 1e-3).simulate(u), expected, rtol=1e-12)
+    u, own = np.random.default_rng(0).normal(0, 5, 50), replace(P5, effects=(kind(share=0.1),))
+    y = Plant(P5, 1e-3).simulate(u)
+    np.testing.assert_allclose(Plant(own, 1e-3).simulate(u), y + 0.001 * y**3, rtol=1e-12)
 
 
 @over(
     "change, words",
     [
-        (("name = ", "nam = "), "does not state name"),
+        (("    name = ", "    nam = "), "does not state name"),
         (('"output"', '"behind"'), "has slot 'behind'; slots are input, rate, memory"),
         (("def state_rows", "def rows"), "lacks state_rows"),
         (("    share: float", "    part: float"), "has the fields ['part'] and states"),
-        (("share: float = 0.02", "share: float"), "cannot be made with its defaults"),
-        (("= 0.02", "= 0.7"), "has a default outside its bounds"),
-        (("[self.share]", "[float('nan')]"), "they are finite numbers"),
-        (("staticmethod(sag_block)", "None"), "has a block that is no kernel"),
-        (("Sag(Effect)", "Sag(object)"), "is Sag; an effect is a subclass"),
+        (("share: float = 0.01", "share: float"), "cannot be made with its defaults"),
+        (("= 0.01\n", "= 0.7\n"), "has a default outside its bounds"),
+        (("[self.share / 100.0]", "[float('nan')]"), "they are finite numbers"),
+        (("staticmethod(bend_block)", "None"), "has a block that is no kernel"),
+        (("Bend(Effect)", "Bend(object)"), "is Bend; an effect is a subclass"),
     ],
 )
 def test_an_incomplete_effect_is_refused_in_one_line(own_file, change, words):
@@ -185,11 +146,11 @@ def test_a_form_is_found_by_its_name_and_an_unknown_one_refused(own_file):
 def test_an_installed_effect_is_found_by_its_entry_point(own_file, monkeypatch):
     target = own_file()
     load_effect(target)  # puts the folder on the path, as an installed package is
-    found = installed(monkeypatch, EntryPoint("sag", target, "rdpi_gym.effects"))
-    assert found["sag"]().values == {"share": 0.02}
-    assert set(found) == set(CATALOGUE) | {"sag"}
+    found = installed(monkeypatch, EntryPoint("lever", target, "rdpi_gym.effects"))
+    assert found["lever_ratio"]().values == {"share": 0.01}
+    assert set(found) == set(CATALOGUE) | {"lever_ratio"}
     names = list(found)
-    assert names.index("resonance") < names.index("sag") < names.index("backlash")
+    assert names.index("creep") < names.index("lever_ratio") < names.index("resonance")
 
 
 def test_a_broken_or_clashing_installed_effect_is_named(own_file, monkeypatch):
@@ -197,7 +158,7 @@ def test_a_broken_or_clashing_installed_effect_is_named(own_file, monkeypatch):
     with pytest.raises(InputError, match=r"'bad' \(no_such_module_x:Y\) cannot be imported"):
         list(broken)
     assert broken["creep"].name == "creep"  # what does not need it still works
-    target = own_file(OWN.replace('"sag"', '"creep"'))
+    target = own_file(OWN.replace('"lever_ratio"', '"creep"'))
     load_effect(target)
     clash = installed(monkeypatch, EntryPoint("mine", target, "rdpi_gym.effects"))
     with pytest.raises(InputError, match="is named 'creep', as another effect is"):

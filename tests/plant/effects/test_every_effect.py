@@ -188,17 +188,6 @@ def test_a_fit_can_start_at_any_size_of_data_with_or_without_a_simpler_form(kind
             assert np.all(np.isfinite(start.coefficients(scale.shortest_s, P10.hysteresis)))
 
 
-@over("kind", KINDS)
-def test_a_plant_with_a_form_runs_alike_in_pieces_and_lanes(kind):
-    plant = dataclasses.replace(P10, effects=(kind(),))
-    u = 40.0 * np.sin(np.arange(400) / 20.0) + np.random.default_rng(3).normal(0, 3, 400)
-    whole = Plant(plant, TS).simulate(u)
-    assert np.all(np.isfinite(whole))
-    two = Plant([plant, dataclasses.replace(plant, offset_um=1.0)], TS)
-    pieces = np.concatenate([two.simulate(np.stack([part, part], 1)) for part in (u[:7], u[7:])])
-    np.testing.assert_allclose(pieces, np.stack([whole, whole + 1.0], 1), rtol=1e-12, atol=1e-12)
-
-
 @over("kind", forms_of(Unknown))
 def test_a_free_block_begins_as_nothing(kind):
     u = 30.0 * np.sin(np.linspace(0.0, 20.0, 400)) * np.linspace(0.0, 1.0, 400) ** 2

@@ -1,16 +1,12 @@
 """Linear and slow effects in all forms: exact for an input linear between samples, nested, of static gain one."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.signal import lsim
 
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
-from rdpi_gym.plant.effects.creep import TIME_CONSTANTS_S
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes, pack_two_lags
 from tests.looping import over
 
@@ -46,7 +42,6 @@ SYSTEMS = {
     "sensor_lag": ({"time_constant_s": 3e-4}, ([1.0], [3e-4, 1.0])),
     "resonance": ({"f0_hz": 700.0, "damping": ZETA}, ([W0**2], [1.0, 2 * ZETA * W0, W0**2])),
 }
-SIMPLEST = {**{k: v[0] for k, v in SYSTEMS.items()}, "delay": {"delay_s": 3.3e-4}, "creep": {}}
 LINEAR = {
     **{(name, "", None): system for name, system in SYSTEMS.items()},
     **{
@@ -91,32 +86,6 @@ def test_a_linear_form_equals_lsim_with_a_first_order_hold(case, ts):
     np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
 
 
-@over("ratio", [0.0, 0.3, 1.0])
-def test_two_lags_equal_their_differential_equations_between_corners(ratio):
-    tau, ts, x = 3e-4, 2e-4, rough(40)
-    times, z, expected = np.arange(40) * ts, np.zeros(2), [0.0]
-
-    def slope(t, z):
-        first = (np.interp(t, times, x) - z[0]) / tau
-        return [first, first if ratio == 0.0 else (z[0] - z[1]) / (ratio * tau)]
-
-    for begin, end in pairwise(times):
-        z = solve_ivp(slope, (begin, end), z, rtol=1e-11, atol=1e-11).y[:, -1]
-        expected.append(z[1])
-    y = form("sensor_lag", "second order")(tau, ratio).run(x, ts)
-    np.testing.assert_allclose(y, expected, atol=1e-7 * np.abs(x).max())
-
-
-@over("case", [*LINEAR, ("delay", ""), ("creep", "")])
-def test_input_linear_between_samples_gives_the_same_at_an_eighth_of_ts(case):
-    effect = form(*case[:2])(**(LINEAR[case][0] if case in LINEAR else SIMPLEST[case[0]]))
-    x, ts = rough(200), 1e-3
-    fine = np.interp(np.arange(199 * 8 + 1) / 8, np.arange(200), x)
-    np.testing.assert_allclose(
-        effect.run(fine, ts / 8)[::8], effect.run(x, ts), atol=1e-9 * np.abs(x).max()
-    )
-
-
 @over("case", LINEAR)
 def test_a_linear_form_has_a_static_gain_of_one(case):
     effect = form(*case[:2])(**LINEAR[case][0])
@@ -132,41 +101,6 @@ def test_two_lags_stay_lags_at_any_ratio_of_their_times(ratio, ts):
     assert np.all(p[:8] >= -1e-15)
     assert np.all(p[:8] <= 1.0 + 1e-15)
     np.testing.assert_allclose([p[0] + p[4] + p[6], p[2] + p[3] + p[5] + p[7]], 1.0, atol=1e-14)
-
-
-NESTED = {
-    ("actuator_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
-    ("sensor_lag", "second order"): ({"time_constant_s": 4e-4}, {"second_ratio": 0.0}),
-    ("sensor_lag", "third order"): (
-        {"time_constant_s": 4e-4},
-        {"second_share": 0.0, "third_share": 0.3},
-    ),
-    ("resonance", "with a zero"): ({"f0_hz": 700.0, "damping": 0.03}, {"static_share": 0.0}),
-    ("resonance", "two modes"): (
-        {"f0_hz": 700.0, "damping": 0.03},
-        {"second_hz": 90.0, "second_damping": 0.1, "second_share": 0.0},
-    ),
-    ("thermal_drift", "two time constants"): (
-        {"rate_um_s": 0.3, "time_constant_s": 20.0},
-        {"second_rate_um_s": 0.0, "second_time_constant_s": 90.0},
-    ),
-    ("mains_hum", "with harmonics"): (
-        {"amplitude_um": 0.4, "frequency_hz": 49.9, "phase_rad": 0.7},
-        {},
-    ),
-    ("gain_drift", "to a limit"): ({"rate_per_s": 1e-2}, {"time_constant_s": 1e7}),
-}
-
-
-@over("case", NESTED)
-def test_the_simpler_form_is_one_of_the_richer(case):
-    own, neutral = NESTED[case]
-    x = rough(1500)
-    simple, rich = (
-        CATALOGUE[case[0]](**own).run(x, 1e-4),
-        form(*case)(**own, **neutral).run(x, 1e-4),
-    )
-    np.testing.assert_allclose(rich, simple, atol=1e-12 * np.abs(x).max())
 
 
 @over("ratio", [0.0, 0.02, 0.5, 1.0])
@@ -232,31 +166,6 @@ def test_a_smooth_curve_is_the_natural_spline_through_its_knots_and_stays_where_
     np.testing.assert_allclose(gain.run(np.full(700, 5.0), 0.37), 5.0 * (1 + expected), atol=1e-12)
 
 
-@over("name", ["thermal_drift", "gain_drift"])
-def test_a_smooth_curve_passes_its_knots_without_a_kink(name):
-    knots, fine = np.random.default_rng(6).normal(0.0, 0.3, COUNT), 1000
-    x = np.full(COUNT * fine + 1, 1.0)
-    z = curve(name, 2.0 * COUNT, knots).run(x, 2.0 / fine) - x
-    np.testing.assert_allclose(z[::fine], [0.0, *knots], atol=1e-12)
-    # a diagonally dominant system: second derivatives are at most 3 times the knots' differences
-    bend = 3.0 * np.abs(np.diff([0.0, *knots], 2)).max() / 2.0**2
-    step = 2.0 / fine
-    assert np.abs(np.diff(z, 2)).max() / step <= bend * step
-    polyline = np.interp(np.arange(len(z)), fine * np.arange(COUNT + 1), [0.0, *knots])
-    assert np.abs(np.diff(polyline, 2)).max() / step > 100.0 * bend * step
-
-
-@over("periods", [1, 2, 3])
-def test_a_wander_of_some_periods_is_followed_to_the_bound_of_cubic_splines(periods):
-    """5 / 384 h⁴ max |z⁗|, for what bends at neither end (Hall and Meyer 1976)."""
-    angle = 2.0 * np.pi * periods
-    knots = np.sin(angle * np.arange(1, COUNT + 1) / COUNT)
-    z = curve("thermal_drift", 5.0, knots).run(np.zeros(5001), 1e-3)
-    off = np.abs(z - np.sin(angle * np.arange(5001) / 5000)).max()
-    bound = 5.0 / 384.0 * (angle / COUNT) ** 4
-    assert 0.1 * bound < off <= bound
-
-
 def test_hum_with_harmonics_is_a_sum_of_sines():
     kind = form("mains_hum", "with harmonics")
     values = dict(zip(("second_sine_um", "second_cosine_um"), (0.03, -0.02), strict=True))
@@ -300,38 +209,6 @@ def test_a_form_starts_close_to_the_simpler_one_that_was_fitted(case):
     starts = form(*case).from_simpler(simpler, SCALE)
     nearest = min(np.std(start.run(x, ts) - known) for start in starts)
     assert nearest <= 0.2 * np.std(known - x)
-
-
-@over("name", SYSTEMS)
-def test_stage_equals_the_differential_equation_between_corners(name):
-    values, (_, denominator) = SYSTEMS[name]
-    ts, x = 2e-4, rough(40)
-    times = np.arange(40) * ts
-    order = len(denominator) - 1
-
-    def slope(t: float, z: np.ndarray) -> list[float]:
-        drive = np.interp(t, times, x) - z[0]
-        if order == 1:
-            return [drive / denominator[0]]
-        return [z[1], W0**2 * drive - 2 * ZETA * W0 * z[1]]
-
-    z, expected = np.zeros(order), [0.0]
-    for begin, end in pairwise(times):
-        z = solve_ivp(slope, (begin, end), z, rtol=1e-10, atol=1e-10).y[:, -1]
-        expected.append(z[0])
-    y = CATALOGUE[name](**values).run(x, ts)
-    np.testing.assert_allclose(y, expected, atol=1e-6 * np.abs(x).max())
-
-
-@over("name", [*SIMPLEST, "slew_limit"])
-def test_a_parameter_means_the_same_at_every_sampling_time(name):
-    """A smooth input at Ts and Ts/8: they differ by less than 2 (ω Ts)² of the amplitude."""
-    effect = CATALOGUE[name](**SIMPLEST.get(name, {"rate_V_s": 2000.0}))
-    for ts in (4e-4, 1e-4):
-        t = np.arange(round(0.1 / ts * 8) + 1) * ts / 8
-        x = 10 * np.sin(2 * np.pi * 40 * t)
-        difference = effect.run(x, ts / 8)[::8] - effect.run(x[::8], ts)
-        assert np.abs(difference).max() < 2 * (2 * np.pi * 40 * ts) ** 2 * 10
 
 
 def van_loan(a, b, ts):
@@ -388,19 +265,6 @@ def test_slew_limit_is_exact_where_output_and_command_meet_between_samples():
         value += np.clip(fine[k] - value, -1.0 / 512, 1.0 / 512)
         naive.append(value)
     np.testing.assert_allclose(coarse, naive[::512], atol=0.1)
-
-
-def test_every_element_of_creep_is_an_exact_lag():
-    x, ts = rough(400), 0.02
-    lag, gain = CATALOGUE["sensor_lag"], 0.04
-    elements = [lag(time_constant_s=tau).run(x, ts) for tau in TIME_CONSTANTS_S if tau <= 0.1]
-    times = np.arange(400) * ts
-    for tau in TIME_CONSTANTS_S:
-        if tau > 0.1:
-            elements.append(lsim(([1.0], [tau, 1.0]), x, times, interp=True)[1])
-    expected = x + gain / 2 * np.sum(elements, axis=0)
-    y = CATALOGUE["creep"](gain_per_decade=gain).run(x, ts)
-    np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(x).max())
 
 
 def test_every_mode_that_the_sampling_shows_lies_near_a_start():

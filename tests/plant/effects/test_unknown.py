@@ -7,8 +7,7 @@ import numpy as np
 from baselines.inverses import Setting, inverse_of
 from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE, DataScale, forms_of
-from rdpi_gym.plant.effects.unknown import Unknown, is_even
-from rdpi_gym.plant.effects.unknown_places import TERMS, unknown_block
+from rdpi_gym.plant.effects.unknown import TERMS, Unknown, is_even, unknown_block
 from tests.looping import over
 
 FORMS = forms_of(Unknown)

@@ -40,7 +40,7 @@ class World:
 
     @property
     def size(self) -> float:
-        """Of the effect, of either sign."""
+        """Signed size of the effect."""
         return self.numbers["size"] * self.numbers["sign"]
 
     def rate(self, x: Array) -> Array:
@@ -227,7 +227,7 @@ class Measured:
     """A plant with its records."""
 
     sort: Sort  # what it has
-    # as :class:`~studies.portraits.plants.World` has them
+    # as :class:`~studies.portrait_plants.World` has them
     plant: Foreign
     fastest_1_s: float
     numbers: dict[str, float]
@@ -247,13 +247,13 @@ def measured(name: str, protocol: str, seed: int, number: int) -> Measured:
     places = list(SORTS).index(name), PROTOCOLS.index(protocol)
     for redraw in range(_REDRAWS):
         rng = np.random.default_rng([seed, number, *places, redraw])
-        found = _drawn(name, protocol, rng)
+        found = _draw_once(name, protocol, rng)
         if found.floors >= _LEAST:
             return found
     raise MaskedError(f"{name} cannot be seen in {_REDRAWS} draws of {protocol}")
 
 
-def _drawn(name: str, protocol: str, rng: np.random.Generator) -> Measured:
+def _draw_once(name: str, protocol: str, rng: np.random.Generator) -> Measured:
     experiment = _standard(rng) if protocol == PROTOCOLS[0] else _bursts(rng)
     plant = draw_plant(experiment, rng)
     longest_s = max(d.duration_s for d in experiment.drives)

@@ -1,4 +1,12 @@
-"""Command line of the study: draw plants, portray them, add the block, track with it, write the table."""
+"""Likeness of the portraits of effects that no catalogue has: `python -m studies.portraits`.
+
+Plants with an effect of one of fourteen sorts that the catalogue does not have are measured with one
+of two protocols. What is drawn of them is asked four things: the place in the chain, whether there is
+a memory, the parity, and the time constant within a factor of two. `unknown` is then added to the
+bare model, and both are tracked with. The truth is computed on a fine grid by code of its own: plays
+from turning points, lags from the matrix exponential, nothing from the block. The search is left out:
+the portrait begins with the bare model, refitted. An interrupted run continues.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +21,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-import studies.portraits
 from baselines.extended import ExtendedInverse
 from benchmarks.effect_discovery.protocols import Drive, between
 from rdpi_gym.diagnosis.portrait.drawing import draw
@@ -31,11 +38,12 @@ from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.progress import silent
 from rdpi_gym.support.store import Row
-from studies.portraits.plants import PROTOCOLS, SORTS, Measured, Sort, measured
+from studies.portrait_plants import PROTOCOLS, SORTS, Measured, Sort, measured
 from studies.runner import Files, Study, study_rows
 
-RESULTS = Path(__file__).parents[1] / "results" / "portraits"
+RESULTS = Path(__file__).parent / "results" / "portraits"
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
 _TS_S, _TRACKED_S, _REACH, _PARTS = 1e-3, 12.0, 0.7, 4
 _FACTOR = 2.0
@@ -48,7 +56,7 @@ TARGETS = {
     "halved, by a learner": 100,
     "halved, over the noise": 100,
 }
-"""What is asked (%); the error halved on the plants of which a learner, or the truth, says that it can be."""
+"""Targets (%); the error is to be halved on plants on which a learner, or the truth, predicts that much."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names the case in a store."""
+        """Name of the case in the store."""
         return f"{self.sort}/{self.protocol}/{self.number}/seed {self.seed}"
 
 
@@ -87,9 +95,9 @@ def run_case(case: Case, code: str) -> Row:
         search = ModelSearch(found.dataset, CATALOGUE, 1, 0, None, None)
         base = search.base(None)
         plays = base.hysteresis.pruned()
-        forms = learn_forms(search.setting, plays, (), Unknown, _silent)
+        forms = learn_forms(search.setting, plays, (), Unknown, silent)
         added = State(in_best_form(forms, search.noise_um)[0])  # as `rdpi add unknown` chooses
-        drawn = draw(search.setting, plays, (), forms, {}, 0, _silent)
+        drawn = draw(search.setting, plays, (), forms, {}, 0, silent)
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     noise_um = found.plant.noise_um
@@ -136,10 +144,6 @@ def answers(drawn: Portrait | None, sort: Sort, numbers: dict[str, float]) -> Ro
     }
 
 
-def _silent(task: str, done: int, total: int) -> None:
-    """Report nothing: a case is one of many."""
-
-
 def _predictable(search: ModelSearch, base: State) -> float:
     """Share of the squared error of a model, noise included, that a learner predicts on unseen data.
 
@@ -174,7 +178,7 @@ def _tracking_um(found: Measured, belief: PlantModel) -> float:
 
 
 def _files(chosen: Namespace) -> Files:
-    own = sorted(Path(__file__).parent.glob("*.py"))
+    own = [Path(__file__).with_name(name) for name in ("portrait_plants.py", "portraits.py")]
     rows = study_rows(cases(chosen.plants, chosen.seed), run_case, chosen, _ROOMS, own)
     return {"portraits.md": report(rows, chosen.plants, chosen.seed)}
 
@@ -211,7 +215,7 @@ def report(rows: Sequence[Row], plants: int, seed: int) -> str:
             "predictable (%)": round(100.0 * float(part["predictable"].mean())),
             "error": _pair(part["before"], part["after"]),
             "tracking error": _pair(part["tracking_before"], part["tracking_after"]),
-            "said": _said(part["said"]),
+            "said": _answer_counts(part["said"]),
         }
         for name, part in frame.groupby("sort", sort=False)
     ]
@@ -229,21 +233,21 @@ def report(rows: Sequence[Row], plants: int, seed: int) -> str:
         f"{len(frame)} plants the block halves the error of {int(halved.sum())}, and it takes {100.0 * taken:.0f} % of the "
         "squares over the noise (median).",
         "Errors are of the records held out, and of a reference tracked, without and with the block: "
-        f"geometric means in noise floors. {_told(frame)} What is not told counts as not right.",
+        f"geometric means in noise floors. {_count_places(frame)} What is not told counts as not right.",
         frame_table(pd.DataFrame(by_sort)),
-        studies.portraits.__doc__ or "",
+        __doc__ or "",
     ]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
-def _said(words: pd.Series) -> str:
-    """Place, memory and parity as they were said, each with how often."""
+def _answer_counts(words: pd.Series) -> str:
+    """Count the answers: place, memory and parity."""
     said = Counter(", ".join(each.split(", ")[:3]) for each in words)
     return "; ".join(f"{count} {what}" for what, count in said.most_common())
 
 
-def _told(frame: pd.DataFrame) -> str:
-    """How often a place is told, and right."""
+def _count_places(frame: pd.DataFrame) -> str:
+    """Count the portraits with a place, and those with the right one."""
     drawn = frame[frame["said"] != "no portrait"]
     told = drawn[~drawn["said"].str.startswith("place?")]
     return (
@@ -263,7 +267,7 @@ def _pair(before: pd.Series, after: pd.Series) -> str:
 
 
 main = Study(
-    "portraits", studies.portraits.__doc__, _files, RESULTS, 1, 2,
+    "portraits", __doc__, _files, RESULTS, 1, 2,
     (("--plants", 100, "plants, the sorts in turn"),),
 )  # fmt: skip
 
