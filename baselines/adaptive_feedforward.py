@@ -8,11 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from baselines.base import Observation
+from baselines.base import Observation, Rows, lane_products, product, shift_in
 from baselines.core_inverse import hysteresis_inverse, inverse_command, linear_inverse, look_ahead
-from baselines.lanes import Rows, lane_products, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
-from baselines.ringing import BAND_HZ, RingingMonitor
+from baselines.monitors import BAND_HZ, RingingMonitor
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -70,13 +69,8 @@ class AdaptiveFeedforward(Tunable):
 
     Before anything is learned θ is that of the belief's linear effects. It is estimated with that as
     prior, see :class:`baselines.least_squares.ForgettingLeastSquares`. Where
-    the error rings, :class:`baselines.ringing.RingingMonitor`, nothing is learned and what was
+    the error rings, :class:`baselines.monitors.RingingMonitor`, nothing is learned and what was
     learned is withdrawn.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
 
     Examples
     --------
@@ -193,19 +187,7 @@ class AdaptiveFeedforward(Tunable):
         state: Array,
         learns: NDArray[np.bool_] | None = None,
     ) -> Array:
-        """Return w (µm), what the belief's inverse is to answer next, and move the memory on but for w itself.
-
-        Parameters
-        ----------
-        observation
-            ``(B, D)``.
-        measured_um, reference_um
-            y(k) and r(k) (µm), ``(B,)``.
-        state
-            Memory, changed in place.
-        learns
-            ``(B,)``: where false nothing is learned, and nothing forgotten. None: everywhere.
-        """
+        """Return w (µm), what the belief's inverse is to answer next, and move the memory on but for w itself."""
         of = self.rows.of
         trust, ringing = self.monitor.watch(
             of(state, "monitor"), reference_um - measured_um, reference_um
@@ -253,13 +235,7 @@ class AdaptiveFeedforward(Tunable):
         self.fit.learn(self.rows.of(state, "fit"), *self.compared(state), counts & begun)
 
     def compared(self, state: Array) -> tuple[Array, Array]:
-        """Return what went in and what came out at k - HALF: φ of the measured y, and w - y (µm).
-
-        Returns
-        -------
-        phi : float64[F, B]
-        z : float64[B]
-        """
+        """Return what went in and what came out at k - HALF: φ of the measured y, and w - y (µm)."""
         of = self.rows.of
         # The newest w has the reference time k + lead, the newest static row one more.
         smooth, *derivatives = product(SPLINE, of(state, "measured"))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.base import Observation
+from baselines.base import Observation, Rows, product, shift_in
 from baselines.core_inverse import POWERS, linear_inverse, look_ahead
 from baselines.inverses.linear import preview_weights
-from baselines.lanes import Rows, product, shift_in
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -32,11 +31,6 @@ class AdaptiveInverse(Tunable):
     inverse with b_i and s_i of the projected weights answers the reference, read ahead through the
     belief's linear inverse; its memory is that of the plays at every sample, so that it fits
     whatever the weights have become. Rates are the reference's, over A.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
 
     Examples
     --------

@@ -14,13 +14,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from baselines.base import limit_block, limited
 from baselines.feedforward import (
     Feedforward,
     classical_polynomial,
     default_cutoff_hz,
     limiting_cutoff_hz,
 )
-from baselines.lanes import limit_block, limited
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.cores.play import given_rate_block, play
 from rdpi_gym.support.arrays import Array

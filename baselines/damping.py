@@ -126,11 +126,6 @@ class PositivePosition(DampedTracking):
 
     Source: Fanson, Caughey, AIAA J. 28, 1990; on nanopositioners Aphale, Bhikkaji, Moheimani, IEEE
     Trans. Nanotechnology 7, 2008.
-
-    Examples
-    --------
-    >>> PositivePosition.name
-    'positive-position'
     """
 
     name = "positive-position"
@@ -157,11 +152,6 @@ class DualLoop(DampedTracking):
 
     Source: arXiv 2412.18374, Natu and HosseinNia, with bandwidths of 895 and 845 Hz on a stage whose
     mode is at 739 Hz; written from its abstract, the tuning is this package's own.
-
-    Examples
-    --------
-    >>> DualLoop.name
-    'dual-loop'
     """
 
     name = "dual-loop"
@@ -174,13 +164,7 @@ class DualLoop(DampedTracking):
 
 
 class CorrectedAdaptive(AdaptiveFeedforward):
-    """The adaptive feedforward with a correction, which its estimate knows of.
-
-    Examples
-    --------
-    >>> CorrectedAdaptive.needs_core is None
-    True
-    """
+    """The adaptive feedforward with a correction, which its estimate knows of."""
 
     def corrected_command(
         self, observation: Observation, correction_um: Array, state: Array
@@ -198,11 +182,6 @@ class AdaptiveDualLoop(DualLoop):
     The feedforward learns what the belief lacks and needs a period for it; the feedback damps the
     mode and answers what is not learned. The estimate takes the correction for what it is, a part of
     what went in, so the two do not work against each other. The feedforward has its own settings.
-
-    Attributes
-    ----------
-    feedforward : CorrectedAdaptive
-        What is corrected.
 
     Examples
     --------

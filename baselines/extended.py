@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.base import Observation
+from baselines.base import Observation, limit_block
 from baselines.classical import ClassicalReferenceRate
 from baselines.feedforward import checked_reference
 from baselines.inverses import Inverse, inverses_of
@@ -17,7 +17,6 @@ from baselines.inverses.chain import (
     run_stages,
     start_stages,
 )
-from baselines.lanes import limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, pack
 from rdpi_gym.plant.cores.play import given_rate_block
@@ -34,11 +33,6 @@ class ExtendedInverse(ClassicalReferenceRate):
 
     Its memory has the rows of that one, then one that is 0 before the first sample, then those of
     the stages.
-
-    Parameters
-    ----------
-    belief, layout
-        As :class:`baselines.base.Baseline`.
 
     Examples
     --------
@@ -120,18 +114,7 @@ class ExtendedInverse(ClassicalReferenceRate):
     def corrected_command(
         self, observation: Observation, correction_um: Array, state: Array
     ) -> Array:
-        """Return u(k+1) (V), ``(B,)``, with feedback inside: what the plays are to give is corrected.
-
-        Parameters
-        ----------
-        observation
-            ``(B, D)``.
-        correction_um
-            Added (µm) behind the inverses of the output effects, ``(B,)``; the rate that the
-            thresholds follow stays that of the reference, which is smooth.
-        state
-            Memory, ``float64[S, B]``, changed in place.
-        """
+        """Return u(k+1) (V), ``(B,)``, with feedback inside: what the plays are to give is corrected."""
         shown = self.layout.reference_um(observation, slice(1, 2 + self.inverses.ahead))
         block = np.ascontiguousarray(shown.T)
         if self.inverses.changes_nothing:

@@ -15,8 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from baselines.base import Baseline, Observation
-from baselines.lanes import limit_block
+from baselines.base import Baseline, Observation, limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, Plant, PlantModel, pack
 from rdpi_gym.plant.cores.base import Core
@@ -88,11 +87,6 @@ class Feedforward(Baseline):
 
     A subclass says by :meth:`compensator_model` which RDPI model it is built on, packs it, states
     what the plays remember at rest, and fills blocks.
-
-    Parameters
-    ----------
-    belief, layout
-        As :class:`baselines.base.Baseline`.
 
     Raises
     ------

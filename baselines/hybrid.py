@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from baselines.adaptive_feedforward import AdaptiveFeedforward
-from baselines.base import Observation
-from baselines.lanes import Rows
+from baselines.base import Observation, Rows
 from baselines.loops import Certificate, belief_path, certify, integrator, sampled, unit_delay
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -33,11 +32,6 @@ class Hybrid(Tunable):
     the dynamics from, so what was learned is kept, and an integral of the low-passed error makes up
     for creep and drift. The switch is without a bump: σ slides within a millisecond, it multiplies
     what the integral takes in and not its state, and in motion that state fades.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
 
     Examples
     --------

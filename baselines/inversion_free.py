@@ -10,13 +10,13 @@ import math
 import numpy as np
 from numba import njit
 
+from baselines.base import limited
 from baselines.feedforward import (
     Feedforward,
     default_cutoff_hz,
     inversion_free_polynomial,
     limiting_cutoff_hz,
 )
-from baselines.lanes import limited
 from rdpi_gym.plant import RDPI, pack
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.support.arrays import Array

@@ -10,10 +10,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from baselines.base import Observation
+from baselines.base import Observation, Rows, product
 from baselines.extended import ExtendedInverse
 from baselines.inverses.linear import PreviewFilter
-from baselines.lanes import Rows, product
 from baselines.loops import (
     BeliefPath,
     Certificate,
@@ -26,7 +25,7 @@ from baselines.loops import (
     unit_delay,
     weighted,
 )
-from baselines.ringing import BAND_HZ, RingingMonitor
+from baselines.monitors import BAND_HZ, RingingMonitor
 from baselines.tuning import Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, PlantModel
@@ -65,15 +64,10 @@ class LinearFeedback(Tunable):
     linear part of the belief. Where the command is at its limit and the error drives further into
     it, C's memory stands still.
 
-    A guard watches whether the error rings, :class:`baselines.ringing.RingingMonitor`: while it does
+    A guard watches whether the error rings, :class:`baselines.monitors.RingingMonitor`: while it does
     C is given less and less of the error, what it holds stays, and what it is given comes back over a
     second only. A loop that is stable with its gain is so with less, so a mode that a load has moved
     costs bandwidth and not the stage.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
 
     Attributes
     ----------

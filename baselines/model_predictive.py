@@ -8,9 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from baselines.base import Baseline, Observation
+from baselines.base import Baseline, Observation, Rows, product
 from baselines.core_inverse import hysteresis_inverse, inverse_command
-from baselines.lanes import Rows, product
 from baselines.loops import LinearSystem, Response, belief_path
 from baselines.tuning import Knob, Settings, Tunable
 from rdpi_gym.envs.layout import ObservationLayout
@@ -33,11 +32,6 @@ class ModelPredictive(Tunable):
     command is clipped to its range and largest change. d = measured - y, low-passed, is held over
     the horizon: no constant disturbance leaves an offset. Its band is lowered until the small-gain
     theorem covers a mode at 0.6 to 1.4 times the believed frequency.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
 
     Examples
     --------

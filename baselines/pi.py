@@ -9,20 +9,21 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from baselines.base import Baseline, Observation
+from baselines.base import Baseline, Observation, limited
 from baselines.feedforward import Feedforward, nyquist_gain
-from baselines.lanes import limited
 from baselines.loops import (
     Certificate,
     LinearSystem,
     Response,
     belief_path,
     certify,
-    effect_system,
     gain,
     grid,
     harmful_mode_hz,
     integrator,
+    is_linear,
+    largest_factor,
+    linear_part,
     loop_warning,
     sliding_system,
     unit_delay,
@@ -31,25 +32,15 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, check_ts
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import Effect
-from rdpi_gym.plant.effects.delay import delay_block
-from rdpi_gym.plant.effects.linear import linear_block
 from rdpi_gym.support.arrays import Array
 
-# Largest |1 / (1 + L)|: gain margin 2, phase margin 29° at least.
-_SENSITIVITY = 2.0
 _FACTORS = np.geomspace(1e-5, 1.0, 231)
 # What the proportional part may leave of |L| < 1 at half the sampling frequency.
 _NYQUIST_GAIN = 0.4
 
 
 class Gains(NamedTuple):
-    """Gains of u = kp e + ki ∫ e dt: proportional (V/µm) and integral (V/(µm s)).
-
-    Examples
-    --------
-    >>> Gains(0.1, 500.0).integral_V_um_s
-    500.0
-    """
+    """Gains of u = kp e + ki ∫ e dt: proportional (V/µm) and integral (V/(µm s))."""
 
     proportional_V_um: float
     integral_V_um_s: float
@@ -84,32 +75,21 @@ def gains_within_margin(gains: Gains, belief: PlantModel, ts_s: float) -> Gains:
     for a plant without one, and :meth:`baselines.pi.PI.warning` says up to which frequency such a
     mode makes the loop unstable.
     """
-    linear = [e for e in belief.effects if type(e).block in (delay_block, linear_block)]
+    linear = [e for e in belief.effects if is_linear(e)]
     if not linear:
         return gains
     z = np.exp(1j * _frequencies(linear, ts_s))
-    path = np.ones_like(z)
-    for effect in linear:
-        path = path * effect_system(effect, belief.hysteresis, ts_s).response(z)
+    path = linear_part(linear, belief.hysteresis, ts_s).response(z)
     sliding = belief.hysteresis.A * sliding_system(belief.hysteresis, ts_s).response(z)
     plants = (path * sliding, path * belief.hysteresis.a0)
-    both = _largest(gains, plants, ts_s, z)
-    alone = _largest(Gains(0.0, gains.integral_V_um_s), plants, ts_s, z)
+    integral = gains.integral_V_um_s * ts_s / (z - 1.0)
+    both, alone = (
+        largest_factor([controller * plant for plant in plants], factors=_FACTORS)
+        for controller in (gains.proportional_V_um / z + integral, integral)
+    )
     if alone > both:
         return Gains(0.0, alone * gains.integral_V_um_s)
     return Gains(both * gains.proportional_V_um, both * gains.integral_V_um_s)
-
-
-def _largest(gains: Gains, plants: tuple[Response, ...], ts_s: float, z: Response) -> float:
-    controller = gains.proportional_V_um / z + gains.integral_V_um_s * ts_s / (z - 1.0)
-    allowed = 0.0
-    for factor in _FACTORS.tolist():
-        if min(float(np.abs(1.0 + factor * controller * p).min()) for p in plants) < (
-            1.0 / _SENSITIVITY
-        ):
-            break
-        allowed = factor
-    return allowed
 
 
 def _frequencies(effects: list[Effect], ts_s: float) -> Array:

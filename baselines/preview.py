@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from baselines.base import Baseline, Observation
+from baselines.base import Baseline, Limits, Observation, limit_block
 from baselines.classical import (
     ClassicalLiteral,
     ClassicalLowPassed,
@@ -27,7 +27,6 @@ from baselines.inversion_free import (
     InversionFreeLowPassed,
     InversionFreeReferenceRate,
 )
-from baselines.lanes import Limits, limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
@@ -48,22 +47,6 @@ class LinearUndo:
     0.005 up to a twentieth of the sampling frequency. A lag of about one sample leaves 0.2 % too
     much near Nyquist where the plant's rate is hardly low-passed: learning grows there by at most
     1.0021 an iteration.
-
-    Parameters
-    ----------
-    belief
-        The plant with its effects.
-    ts_s
-        Sampling time (s).
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from rdpi_gym.plant import P10
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> late = replace(P10, effects=(load_effect("delay")(delay_s=2e-4),))
-    >>> LinearUndo(late, 1e-4)(np.arange(5.0)[:, None])[:, 0].tolist()
-    [2.0, 3.0, 4.0, 4.0, 4.0]
     """
 
     def __init__(self, belief: PlantModel, ts_s: float) -> None:
@@ -144,24 +127,6 @@ def learning_filter(error: Array, ahead: float, pole: float, smooth: float, lear
             learned[t, b] = mean + pole * (learned[t + 1, b] - mean)
 
 
-def invert_ahead(
-    belief: PlantModel,
-    ts_s: float,
-    limits: Limits,
-    reference_um: Array,
-    starts_V: Sequence[Array],
-    enough_um: float,
-) -> Array:
-    """Return the commands that bring a model at rest along a reference, as well as was found."""
-    best = np.full(reference_um.shape[1], np.inf)
-    command = np.empty_like(reference_um)
-    for start in starts_V:
-        found, rms = _learn(belief, ts_s, limits, reference_um, start, enough_um)
-        better = rms < best
-        command[:, better], best[better] = found[:, better], rms[better]
-    return command
-
-
 def _learn(
     belief: PlantModel,
     ts_s: float,
@@ -222,14 +187,12 @@ _STARTS: tuple[type[Feedforward], ...] = (
 )
 
 
-class Planned(Baseline):
-    """Plays back commands that were found for the whole reference before the episode.
+NO_PLAN = "there is no plan; call plan(reference_um) with the whole reference, (samples, lanes), before an episode"
+"""Refusal of an episode that nobody planned for."""
 
-    Parameters
-    ----------
-    belief, layout
-        As :class:`baselines.base.Baseline`.
-    """
+
+class Planned(Baseline):
+    """Plays back commands that were found for the whole reference before the episode."""
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         super().__init__(belief, layout)
@@ -269,17 +232,9 @@ class Planned(Baseline):
         return np.zeros((1, len(reference_um)))
 
     def next_command(self, observation: Observation, reference_um: Array, state: Array) -> Array:
-        """Play u(k+1); see :meth:`baselines.base.Baseline.next_command`.
-
-        Raises
-        ------
-        InputError
-            There is no plan, or one for another number of episodes.
-        """
+        """Play u(k+1); see :meth:`baselines.base.Baseline.next_command`."""
         if self._plan is None:
-            raise InputError(
-                "there is no plan; call plan(reference_um) with the whole reference, (samples, lanes), before an episode"
-            )
+            raise InputError(NO_PLAN)
         samples, planned = self._plan.shape
         lanes = state.shape[1]
         if planned not in (1, lanes):
@@ -300,11 +255,6 @@ class PreviewInversion(Planned):
     belief it is never worse than one of those. It may look ahead, as the plant's right-half-plane
     zero asks; a causal compensator cannot. What it learns is low-passed at 4 kHz, so it does not
     dither. Where the plant is another than its belief, it has no feedback to make up for that.
-
-    Parameters
-    ----------
-    belief, layout
-        As :class:`baselines.base.Baseline`.
 
     Examples
     --------
@@ -381,14 +331,14 @@ class FullPreviewInversion(Planned):
 def _inverted(
     model: PlantModel, layout: ObservationLayout, limits: Limits, reference_um: Array
 ) -> Array:
-    return invert_ahead(
-        model,
-        layout.ts_s,
-        limits,
-        reference_um,
-        _starting_commands(model, layout, limits, reference_um),
-        _ENOUGH * layout.scale_um,
-    )
+    """Return the commands that bring a model at rest along a reference, as well as was found."""
+    best = np.full(reference_um.shape[1], np.inf)
+    command, enough_um = np.empty_like(reference_um), _ENOUGH * layout.scale_um
+    for start in _starting_commands(model, layout, limits, reference_um):
+        found, rms = _learn(model, layout.ts_s, limits, reference_um, start, enough_um)
+        better = rms < best
+        command[:, better], best[better] = found[:, better], rms[better]
+    return command
 
 
 def _starting_commands(

@@ -102,36 +102,14 @@ def checked_settings(name: str, knobs: Sequence[Knob], settings: Mapping[str, An
 
 @dataclass(frozen=True)
 class Tuning:
-    """Settings found for one task, and the search that found them.
-
-    Parameters
-    ----------
-    settings
-        The settings.
-    effects
-        Names of the effects of the task's belief, sorted.
-    command
-        The command that found them.
-    seed
-        Of the search and of its draws.
-    plant_samples
-        Samples of plants, lanes times steps, that were simulated on the way.
-    score_percent
-        What was minimised, on the training draws (percent).
-
-    Examples
-    --------
-    >>> tuning = Tuning({"gain": 1.0}, (), "rdpi tune pi --task Bare", 0, 1000, 0.1)
-    >>> tuning.settings
-    {'gain': 1.0}
-    """
+    """Settings found for one task, and the search that found them."""
 
     settings: Settings
-    effects: tuple[str, ...]
-    command: str
-    seed: int
-    plant_samples: int
-    score_percent: float
+    effects: tuple[str, ...]  # names of those of the task's belief, sorted
+    command: str  # that found the settings
+    seed: int  # of the search and of its draws
+    plant_samples: int  # lanes times steps that were simulated on the way
+    score_percent: float  # minimum on the training draws
 
 
 def read_tunings(path: Path, name: str, knobs: Sequence[Knob]) -> dict[str, Tuning]:

@@ -9,7 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
+import pandas as pd
+
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, RowStore, check_row, named_rows
@@ -111,22 +114,8 @@ def complete(
 ) -> int:
     """Run the units whose rows a store does not have, and return the number of rows computed.
 
-    Parameters
-    ----------
-    store
-        Rows that are there are not computed again, but stale ones are set aside.
-    units, run, keys
-        What one worker does at a time, its rows, and their names.
-    is_stale, stale
-        Whether a stored row no longer holds, and the note on those set aside, with ``{}`` for the file.
-    name
-        Name of a row.
-    note
-        Called with what a reader should know, one sentence each.
-    is_finished
-        Whether a stored row need not be computed again.
-    stage, progress
-        What is said of the units that are done, of all.
+    Stored rows that `is_stale` are set aside, with the note `stale` (``{}`` for the file); those that
+    `is_finished` are not computed again. A unit is what one worker does at a time.
     """
     remark = store.remark()
     if remark is not None:
@@ -146,6 +135,15 @@ def complete(
         if progress is not None:
             progress(stage, done, len(units))
     return computed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a run."""
+
+    rows: list[Row]  # those that were asked for, a bound's among them
+    computed: int  # number of rows that were not finished before
+    notes: tuple[str, ...]  # for a reader of the results, one sentence each
 
 
 class Keyed(Protocol):
@@ -196,3 +194,14 @@ def stored_rows(cases: Sequence[Keyed], out: Path) -> list[Row]:
     if not rows:
         raise InputError(f"{out / ROWS_FILE} has no row of these cases; run them without --tables")
     return rows
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> Path:
+    """Write a table with six significant digits."""
+    text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    return write_atomic(path, text)
+
+
+def paragraphs(parts: Sequence[str]) -> str:
+    """Join the parts of a Markdown page that are not empty."""
+    return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"

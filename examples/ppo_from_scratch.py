@@ -78,12 +78,13 @@ class Agent(nn.Module):
     def __init__(self, inputs: int, hidden: int, log_std: float) -> None:
         super().__init__()
         self.actor = Network((inputs, hidden, hidden, 1), "Tanh", "Hardtanh").build()
-        self.critic = Network((inputs, hidden, hidden, 1), "Tanh", "Hardtanh").build()[:-1]
+        *layers, _ = Network((inputs, hidden, hidden, 1), "Tanh", "Hardtanh").build()
+        self.critic = nn.Sequential(*layers)
         self.log_std = nn.Parameter(torch.tensor([log_std]))
         for network, last in ((self.actor, 0.01), (self.critic, 1.0)):
-            layers = [module for module in network if isinstance(module, nn.Linear)]
-            for layer in layers:
-                nn.init.orthogonal_(layer.weight, last if layer is layers[-1] else math.sqrt(2.0))
+            linear = [module for module in network if isinstance(module, nn.Linear)]
+            for layer in linear:
+                nn.init.orthogonal_(layer.weight, last if layer is linear[-1] else math.sqrt(2.0))
                 nn.init.zeros_(layer.bias)
 
     def policy(self, observation: Tensor) -> torch.distributions.Normal:

@@ -319,8 +319,8 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     from baselines.learned.native_learner import NativeLearner
     from baselines.learned.native_ppo import NativePPO
     from baselines.learned.options import Run
+    from baselines.learned.options import TrainingOptions as Training
     from baselines.learned.stable_baselines import StableBaselinesLearner
-    from baselines.learned.training import Options as Training
 
     kind: Any = PPO if algorithm == "ppo" else NativePPO
     opened = Run.open(Training(action="increment", threads=threads), algorithm, kind)

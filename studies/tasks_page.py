@@ -7,8 +7,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from baselines import HORIZON_BOUND
+from benchmarks.stages.ranking import METHOD
 from benchmarks.stages.run import FEWEST_DIGITS
-from benchmarks.stages.tables import METHOD
 from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask
 from rdpi_gym.envs.tasks.environment import page_of
 from rdpi_gym.support.markdown import table

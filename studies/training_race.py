@@ -34,7 +34,7 @@ import pandas as pd
 
 from baselines import GUARDED, LEARNED
 from benchmarks.stages.ranking import ranking
-from benchmarks.stages.unit import Unit, run_unit
+from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.envs.tasks.task import PUBLIC_SEED
 from rdpi_gym.support.command_line import Options

@@ -15,7 +15,7 @@ def test_strings_that_name_modules_are_imports():
     assert "rdpi_gym.envs.tasks" in imports()["rdpi_gym"]  # f"rdpi_gym.envs.tasks.{...}"
     assert "rdpi_gym.laboratory.opening" in imports()["rdpi_gym"]  # of the stub
     # among modules whose source is hashed
-    assert "baselines.learned.controller" in imports()["benchmarks.tracking.fingerprint"]
+    assert "baselines.learned.controller" in imports()["benchmarks.tracking.controllers"]
 
 
 def test_an_import_inside_a_function_is_one():

@@ -20,30 +20,12 @@ from rdpi_gym.support.plugins import Members, classes_of
 
 @dataclass(frozen=True)
 class Setting:
-    """Plant and sampling time that an inverse may use beside its effect.
+    """Plant and sampling time that an inverse may use beside its effect."""
 
-    Parameters
-    ----------
-    ts_s
-        Sampling time (s).
-    hysteresis
-        The belief's RDPI parameters.
-    scale_um
-        Unit of displacements (µm); changes far below it are rounding.
-    rest
-        What enters the effect while the plant rests (V before the plays, µm behind them).
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> Setting(5e-5, PAPER_IV_B, scale_um=40.0, rest=0.0).ts_s
-    5e-05
-    """
-
-    ts_s: float
-    hysteresis: RDPI
-    scale_um: float
-    rest: float
+    ts_s: float  # sampling time (s)
+    hysteresis: RDPI  # the belief's
+    scale_um: float  # unit of displacements (µm); changes far below it are rounding
+    rest: float  # input of the effect while the plant rests (V before the plays, µm behind them)
 
 
 class Inverse(ABC):

@@ -97,33 +97,16 @@ def congruent_inverse_block(
 
 @dataclass(frozen=True)
 class Inverses:
-    """Invertible effects of a belief, in the order of inversion.
+    """Invertible effects of a belief, in the order of inversion."""
 
-    Parameters
-    ----------
-    output, command
-        Stages behind and before the plays, outermost first and innermost first: as the reference
-        passes through them.
-    congruency, rate
-        Effects that are dealt with together with the plays.
-    passed_over
-        Effects that are not inverted, by name and form.
-    short
-        Names of effects that would make use of more preview.
-    wanted_ahead
-        Samples after the next one that all of them make use of.
-    rest_V
-        Voltage (V) that the plays see while the plant rests.
-    """
-
-    output: tuple[Inverse, ...]
-    command: tuple[Inverse, ...]
-    congruency: Effect | None
-    rate: tuple[Effect, ...]
-    passed_over: tuple[str, ...]
-    short: tuple[str, ...]
-    wanted_ahead: int
-    rest_V: float
+    output: tuple[Inverse, ...]  # stages behind the plays, the outermost first
+    command: tuple[Inverse, ...]  # and before them, the innermost first
+    congruency: Effect | None  # dealt with together with the plays,
+    rate: tuple[Effect, ...]  # as these are
+    passed_over: tuple[str, ...]  # effects that are not inverted, by name and form
+    short: tuple[str, ...]  # effects that would make use of more preview
+    wanted_ahead: int  # samples after the next one that all of them make use of
+    rest_V: float  # voltage (V) that the plays see while the plant rests
 
     @property
     def ahead(self) -> int:
@@ -139,30 +122,7 @@ class Inverses:
 def inverses_of(
     belief: PlantModel, ts_s: float, scale_um: float, rest_V: float, shown_ahead: int
 ) -> Inverses:
-    """Build the inverses of a belief's effects.
-
-    Parameters
-    ----------
-    belief
-        The plant with its effects.
-    ts_s
-        Sampling time (s).
-    scale_um
-        Unit of displacements (µm).
-    rest_V
-        Command (V) at which the plant rests.
-    shown_ahead
-        Samples of the reference that are shown after the next one.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> effects = tuple(load_effect(name)() for name in ("delay", "creep", "mains_hum"))
-    >>> found = inverses_of(replace(P10, effects=effects), 5e-5, 40.0, 0.0, shown_ahead=9)
-    >>> [stage.effect for stage in found.output], found.passed_over, found.ahead
-    (['delay', 'creep'], ('mains_hum',), 2)
-    """
+    """Return the inverses of a belief that rests at a command (V), where so many samples are shown ahead."""
     kinds = {e.name: kind for e in belief.effects if (kind := inverse_of(e)) is not None}
     wanted = {
         e.name: kinds[e.name].wanted_ahead(e, ts_s) for e in belief.effects if e.name in kinds

@@ -104,18 +104,6 @@ class DelayInverse(PreviewFilter):
 
     Where fewer samples are shown than the delay takes, the last two are continued in a straight
     line.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> setting = Setting(1e-4, PAPER_IV_B, 40.0, 0.0)
-    >>> inverse = DelayInverse(load_effect("delay")(delay_s=3e-4), setting, ahead=8)
-    >>> inverse.ahead, inverse.weights.tolist()
-    (3, [1.0])
-    >>> short = DelayInverse(load_effect("delay")(delay_s=3e-4), setting, ahead=1)
-    >>> short.ahead, short.weights.round(6).tolist()
-    (1, [-2.0, 3.0])
     """
 
     effect = "delay"
@@ -187,17 +175,7 @@ class LinearInverse(PreviewFilter):
 
 
 class SensorLagInverse(LinearInverse):
-    """The lag behind the mechanics, by a derivative over a tenth of its time constant either way.
-
-    Examples
-    --------
-    >>> from baselines.inverses.base import Setting
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> lag, setting = load_effect("sensor_lag")(2e-4), Setting(1e-4, PAPER_IV_B, 40.0, 0.0)
-    >>> SensorLagInverse(lag, setting, ahead=1).weights.round(3).tolist()
-    [-1.083, 1.166, 0.917]
-    """
+    """The lag behind the mechanics, by a derivative over a tenth of its time constant either way."""
 
     effect = "sensor_lag"
     forms = ("", "second order", "third order")
@@ -218,18 +196,7 @@ class ActuatorLagInverse(SensorLagInverse):
 
 
 class ResonanceInverse(LinearInverse):
-    """One mode or two, by derivatives over a tenth of its period either way.
-
-    Examples
-    --------
-    >>> from baselines.inverses.base import Setting
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> mode = load_effect("resonance")(f0_hz=1000.0, damping=0.02)
-    >>> inverse = ResonanceInverse(mode, Setting(5e-5, PAPER_IV_B, 40.0, 0.0), ahead=2)
-    >>> inverse.ahead, inverse.rows, float(inverse.weights.sum().round(12))
-    (2, 4, 1.0)
-    """
+    """One mode or two, by derivatives over a tenth of its period either way."""
 
     effect = "resonance"
     forms = ("", "with a zero", "two modes")

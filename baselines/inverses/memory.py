@@ -35,18 +35,7 @@ def jump_block(y: Array, half_width: float, reversal: float, state: Array, x: Ar
 
 
 class BacklashInverse(Inverse):
-    """The inverse of a play: it steps from one side of the gap to the other.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> gap = load_effect("backlash")(half_width_um=0.5)
-    >>> inverse = BacklashInverse(gap, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> state, _ = inverse.start(np.zeros(1))
-    >>> inverse.run(np.array([[1.0], [2.0], [2.0], [1.0]]), state)[:, 0].tolist()
-    [1.5, 2.5, 2.5, 0.5]
-    """
+    """The inverse of a play: it steps from one side of the gap to the other."""
 
     effect = "backlash"
     rows = 2
@@ -89,18 +78,7 @@ def creep_inverse_block(y: Array, p: Array, state: Array, x: Array) -> None:
 
 
 class CreepInverse(Inverse):
-    """The inverse of a proper filter with zeros inside the unit circle: exact and stable.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> creep, x = load_effect("creep")(), np.array([0.0, 50.0, 50.0, 20.0])
-    >>> inverse = CreepInverse(creep, Setting(0.1, PAPER_IV_B, 40.0, 0.0))
-    >>> state, _ = inverse.start(np.zeros(1))
-    >>> inverse.run(creep.run(x, 0.1)[1:, None], state).round(9)[:, 0].tolist()
-    [50.0, 50.0, 20.0]
-    """
+    """The inverse of a proper filter with zeros inside the unit circle: exact and stable."""
 
     effect = "creep"
 
@@ -144,19 +122,7 @@ def elements_inverse_block(y: Array, p: Array, state: Array, x: Array) -> None:
 
 
 class ElementsInverse(CreepInverse):
-    """The same for elements of unlike gains, in every further form of creep.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> forms = {kind.form: kind for kind in load_effect("creep").forms}
-    >>> creep, x = forms["two time constants"](), np.array([0.0, 50.0, 50.0, 20.0])
-    >>> inverse = ElementsInverse(creep, Setting(0.1, PAPER_IV_B, 40.0, 0.0))
-    >>> state, _ = inverse.start(np.zeros(1))
-    >>> inverse.run(creep.run(x, 0.1)[1:, None], state).round(9)[:, 0].tolist()
-    [50.0, 50.0, 20.0]
-    """
+    """The same for elements of unlike gains, in every further form of creep."""
 
     forms = (
         "one time constant",
@@ -183,16 +149,6 @@ class GainDriftInverse(Inverse):
     """Division by the gain, in any form: what the effect makes of one micrometre at that time.
 
     Row of the memory: number of the next sample.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> effect = load_effect("gain_drift")(rate_per_s=0.001)
-    >>> inverse = GainDriftInverse(effect, Setting(5.0, PAPER_IV_B, 40.0, 0.0))
-    >>> state, _ = inverse.start(np.array([10.0]))
-    >>> inverse.run(np.array([[10.05], [10.1]]), state).round(9)[:, 0].tolist()
-    [10.0, 10.0]
     """
 
     effect = "gain_drift"

@@ -11,17 +11,7 @@ from rdpi_gym.support.arrays import Array
 
 
 class AsymmetryInverse(Inverse):
-    """The quadratic solved; beyond its vertex the vertex, which comes nearest.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> effect = load_effect("asymmetry")(coefficient=0.05, span_um=20.0)
-    >>> inverse = AsymmetryInverse(effect, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> inverse.run(np.array([[-19.0], [0.0], [21.0]]), np.empty((0, 1)))[:, 0].tolist()
-    [-20.0, 0.0, 20.0]
-    """
+    """The quadratic solved; beyond its vertex the vertex, which comes nearest."""
 
     effect = "asymmetry"
 
@@ -77,18 +67,7 @@ def polynomial_inverse_block(y: Array, powers: Array, low: float, high: float, x
 
 
 class PolynomialInverse(Inverse):
-    """The polynomial solved on the branch that rises through zero; beyond a turn that turn.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> forms = {kind.form: kind for kind in load_effect("asymmetry").forms}
-    >>> effect, x = forms["cubic"](0.05, -0.03, 20.0), np.array([-19.0, 0.0, 21.0])
-    >>> inverse = PolynomialInverse(effect, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> inverse.run(effect.run(x, 1e-4)[:, None], np.empty((0, 1))).round(9)[:, 0].tolist()
-    [-19.0, 0.0, 21.0]
-    """
+    """The polynomial solved on the branch that rises through zero; beyond a turn that turn."""
 
     effect = "asymmetry"
     forms = ("cubic", "to the fifth degree")
@@ -112,18 +91,7 @@ _REACHED = 1.0 - 1e-9
 
 
 class SaturationInverse(Inverse):
-    """Harder commands where the amplifier softens.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> amplifier = load_effect("saturation")(limit_V=100.0)
-    >>> inverse = SaturationInverse(amplifier, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> wanted = amplifier.run([-30.0, 50.0], 1e-4)[:, None]
-    >>> inverse.run(wanted, np.empty((0, 1))).round(9)[:, 0].tolist()
-    [-30.0, 50.0]
-    """
+    """Harder commands where the amplifier softens."""
 
     effect = "saturation"
     forms = ("", "soft unlike rails")
@@ -140,18 +108,7 @@ class SaturationInverse(Inverse):
 
 
 class KneeInverse(Inverse):
-    """Harder commands above the knee: v / (1 - |v|^p)^(1/p) of the share v of the rails.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> amplifier = load_effect("saturation", "rails with a knee")(100.0, 0.0, sharpness=4.0)
-    >>> inverse = KneeInverse(amplifier, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> wanted = amplifier.run([-30.0, 150.0], 1e-4)[:, None]
-    >>> inverse.run(wanted, np.empty((0, 1))).round(9)[:, 0].tolist()
-    [-30.0, 150.0]
-    """
+    """Harder commands above the knee: v / (1 - |v|^p)^(1/p) of the share v of the rails."""
 
     effect = "saturation"
     forms = ("rails with a knee",)
@@ -168,17 +125,7 @@ class KneeInverse(Inverse):
 
 
 class HardRailsInverse(Inverse):
-    """The wanted voltage itself, and where it is beyond a rail that rail, which comes nearest.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> from rdpi_gym.plant.effects import load_effect
-    >>> amplifier = load_effect("saturation", "hard rails")(low_V=-22.0, high_V=19.0)
-    >>> inverse = HardRailsInverse(amplifier, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> inverse.run(np.array([[-30.0], [5.0], [20.0]]), np.empty((0, 1)))[:, 0].tolist()
-    [-22.0, 5.0, 19.0]
-    """
+    """The wanted voltage itself, and where it is beyond a rail that rail, which comes nearest."""
 
     effect = "saturation"
     forms = ("hard upper rail", "hard lower rail", "hard rails")

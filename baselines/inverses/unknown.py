@@ -29,16 +29,6 @@ class UnknownInverse(Inverse):
     """A block before or behind the hysteresis, whose own kernel runs once for each correction.
 
     Where it falls by more than it is given, no input is right, and the corrections do not settle.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import PAPER_IV_B
-    >>> effect = Unknown(even_1=0.1, odd_1=0.05, span_um=40.0)
-    >>> inverse = UnknownInverse(effect, Setting(1e-4, PAPER_IV_B, 40.0, 0.0))
-    >>> state, _ = inverse.start(np.zeros(1))
-    >>> y = effect.run([0.0, 20.0, -20.0], 1e-4)
-    >>> inverse.run(y[1:, None], state).round(2)[:, 0].tolist()
-    [20.0, -20.0]
     """
 
     effect = Unknown.name
@@ -96,20 +86,6 @@ class UnknownWithin(UnknownInverse):
     """A block that changes the weights of the plays, or the displacement, by the command.
 
     The command that belongs to a guess is that of the classical inverse of static plays.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import Plant, P5
-    >>> from dataclasses import replace
-    >>> effect = next(kind for kind in forms_of(Unknown) if kind.form == "static, in")(even_1=0.1)
-    >>> effect = effect.with_values({"odd_1": 0.0})
-    >>> still = replace(P5, effects=(), hysteresis=P5.hysteresis.static())
-    >>> u = 30.0 * np.sin(np.arange(200.0) / 20.0)[:, None]
-    >>> inverse = UnknownWithin(effect, Setting(1e-3, still.hysteresis, 40.0, 0.0))
-    >>> state, _ = inverse.start(np.zeros(1))
-    >>> y = Plant(replace(still, effects=(effect,)), 1e-3).simulate(u)
-    >>> bool(np.abs(inverse.run(y, state) - Plant(still, 1e-3).simulate(u)).max() < 0.02)
-    True
     """
 
     forms = _forms("in", "beside")

@@ -39,12 +39,10 @@ class CheckpointContent:
     """Content of a checkpoint."""
 
     timesteps: int
-    updates: int
-    # Steps of all lanes together, and updates, that had been made.
-    tensors: Mapping[str, Any]
-    # As :meth:`Checkpointable.tensors` gave them.
+    updates: int  # that had been made; steps count all lanes together
+    tensors: Mapping[str, Any]  # of :meth:`Checkpointable.tensors`
+    # Reader of one of :meth:`Checkpointable.arrays` by its name; None: they were left out.
     read: Callable[[str], NDArray[np.generic]] | None
-    # Returns one of :meth:`Checkpointable.arrays` by its name; None: they were left out.
 
 
 class TrainingHooks(Protocol):

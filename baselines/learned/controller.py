@@ -10,15 +10,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.base import Baseline, Observation
-from baselines.lanes import Rows
+from baselines.base import Baseline, Observation, Rows
 from baselines.learned import policy as networks
-from baselines.learned.envelope import MARGIN, QUANTITIES, Watch
 from baselines.learned.imitation import policy as students
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.policy import DESCRIPTION, Policy, check_preview, policy_folder
+from baselines.monitors import BAND_HZ, MARGIN, QUANTITIES, RingingMonitor, Watch
 from baselines.registry import known_controller
-from baselines.ringing import BAND_HZ, RingingMonitor
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -32,31 +30,6 @@ class LearnedController(Baseline):
     Observations and actions are relative to the layout's amplitude and command range, so a policy
     runs on a plant of another size too; :meth:`warning` says so. Its memory has the history's rows
     r, measured and command of k-1, ... k-H, then those of its baseline.
-
-    Parameters
-    ----------
-    policy
-        What was trained.
-    belief, layout
-        As :class:`baselines.base.Baseline`; the belief is its baseline's.
-
-    Raises
-    ------
-    InputError
-        The policy was trained at another sampling time, or its baseline is no controller of this
-        package.
-
-    Examples
-    --------
-    >>> from baselines.learned.policy import Network
-    >>> from rdpi_gym.plant import named_plant
-    >>> plant = named_plant("P10")
-    >>> layout = ObservationLayout.for_plant(plant, ts_s=1e-4)
-    >>> actor = Network((layout.size, 1), "Tanh", "Tanh").build()
-    >>> policy = Policy(layout, history=0, frequency_hz=100.0, error=0.02, actor=actor)
-    >>> action, state = LearnedController(policy, plant, layout).predict(np.zeros((3, 7)))
-    >>> action.shape
-    (3, 1)
     """
 
     def __init__(self, policy: Policy, belief: PlantModel, layout: ObservationLayout) -> None:
@@ -162,10 +135,10 @@ _NEAR = 1e-6
 class Guarded(Baseline):
     """A policy until its monitor takes it off; then, for the rest of the episode, its fallback.
 
-    It is taken off where the error rings (:class:`baselines.ringing.RingingMonitor`), where half of
+    It is taken off where the error rings (:class:`baselines.monitors.RingingMonitor`), where half of
     its commands of the last 5 ms lie at the end of their range or change by the most that one sample
     allows, where the loop goes further than those of its training did
-    (:class:`baselines.learned.envelope.Watch`), or where its answer is no finite number. Until then the fallback runs along, shown the
+    (:class:`baselines.monitors.Watch`), or where its answer is no finite number. Until then the fallback runs along, shown the
     reference in place of the measurement, so that nothing winds up in it; it takes over within a
     millisecond.
 

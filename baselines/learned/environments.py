@@ -10,9 +10,9 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.options import TrainingOptions
 from baselines.learned.settings import ENVIRONMENT_ID
+from baselines.monitors import EnvelopeRecorder
 from rdpi_gym.envs.controller import ControllerFactory
 from rdpi_gym.envs.wrappers.side_by_side import SideBySideVectorEnv
 from rdpi_gym.plant import PlantModel
@@ -56,13 +56,11 @@ SEED = 2**33
 class Evaluation:
     """Means over the held-out plants."""
 
-    reward: float
-    # Of a sample.
+    reward: float  # of a sample
     rmse_um: float
     rmse_percent: float
     # Root mean square tracking error of a plant (µm, percent of its reference's peak to peak).
-    command_variation_V_s: float
-    # Total variation of the command (V/s).
+    command_variation_V_s: float  # total variation of the command (V/s)
 
 
 class HeldOut:

@@ -33,7 +33,7 @@ from baselines.learned.imitation.student import (
 from baselines.learned.onnx_graph import Graph, Signal, check_file, content
 from baselines.learned.policy import Policy
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
-from baselines.ringing import GROWTH, RingingMonitor
+from baselines.monitors import GROWTH, RingingMonitor
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.plant import PlantModel
@@ -48,16 +48,6 @@ def network_model(policy: Policy) -> Any:
 
     Differences of nearly equal numbers are taken in double precision, so that runtimes that add in
     another order agree; the network itself runs in single precision.
-
-    Examples
-    --------
-    >>> from baselines.learned.policy import Network
-    >>> from rdpi_gym.plant import named_plant
-    >>> layout = ObservationLayout.for_plant(named_plant("P10"), ts_s=1e-4)
-    >>> actor = Network((layout.size, 8, 1), "Tanh", "Hardtanh").build()
-    >>> policy = Policy(layout, history=0, frequency_hz=100.0, error=0.02, actor=actor)
-    >>> [node.op_type for node in network_model(policy).graph.node][:3]
-    ['Cast', 'MatMul', 'Cast']
     """
     graph = Graph(np.float32)
     shown = graph.input(INPUT, policy.scaling.history.size)
@@ -107,7 +97,7 @@ def export_onnx(policy: Policy, out: Path) -> Path:
 def monitor_update(
     monitor: RingingMonitor, memory: Signal, error: Signal, asked: Signal
 ) -> tuple[Signal, Signal]:
-    """Return the memory and whether it rings: :meth:`~baselines.ringing.RingingMonitor.watch`."""
+    """Return the memory and whether it rings: :meth:`~baselines.monitors.RingingMonitor.watch`."""
     passes, fast, slow, withdraw, returns, small, large = monitor.numbers
     before = [memory[:, i : i + 1] for i in range(monitor.rows)]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -108,68 +108,36 @@ class Graph:
         return made
 
 
+def _operator(kind: str, reflected: bool = False) -> Callable[[Signal, Operand], Signal]:
+    """Return the method of a binary operator."""
+
+    def method(one: Signal, other: Operand) -> Signal:
+        return one.graph.call(kind, *((other, one) if reflected else (one, other)))
+
+    return method
+
+
 @dataclass(frozen=True, eq=False)
 class Signal:
     """Numbers of a graph, with the arithmetic of arrays; the first axis is that of the lanes."""
 
     graph: Graph
-    # Where it is written down.
     name: str
-    # Its name there.
 
     # NumPy's arrays leave the arithmetic to it.
     __array_ufunc__ = None
 
-    def __add__(self, other: Operand) -> Signal:
-        return self.graph.call("Add", self, other)
-
-    def __radd__(self, other: Operand) -> Signal:
-        return self.graph.call("Add", other, self)
-
-    def __sub__(self, other: Operand) -> Signal:
-        return self.graph.call("Sub", self, other)
-
-    def __rsub__(self, other: Operand) -> Signal:
-        return self.graph.call("Sub", other, self)
-
-    def __mul__(self, other: Operand) -> Signal:
-        return self.graph.call("Mul", self, other)
-
-    def __rmul__(self, other: Operand) -> Signal:
-        return self.graph.call("Mul", other, self)
-
-    def __truediv__(self, other: Operand) -> Signal:
-        return self.graph.call("Div", self, other)
-
-    def __matmul__(self, other: Operand) -> Signal:
-        return self.graph.call("MatMul", self, other)
-
-    def __pow__(self, other: Operand) -> Signal:
-        return self.graph.call("Pow", self, other)
-
-    def __rpow__(self, other: Operand) -> Signal:
-        return self.graph.call("Pow", other, self)
+    __add__, __radd__ = _operator("Add"), _operator("Add", reflected=True)
+    __sub__, __rsub__ = _operator("Sub"), _operator("Sub", reflected=True)
+    __mul__, __rmul__ = _operator("Mul"), _operator("Mul", reflected=True)
+    __pow__, __rpow__ = _operator("Pow"), _operator("Pow", reflected=True)
+    __truediv__, __matmul__ = _operator("Div"), _operator("MatMul")
+    __gt__, __ge__ = _operator("Greater"), _operator("GreaterOrEqual")
+    __lt__, __le__ = _operator("Less"), _operator("LessOrEqual")
+    __and__, __or__ = _operator("And"), _operator("Or")
 
     def __abs__(self) -> Signal:
         return self.graph.call("Abs", self)
-
-    def __gt__(self, other: Operand) -> Signal:
-        return self.graph.call("Greater", self, other)
-
-    def __ge__(self, other: Operand) -> Signal:
-        return self.graph.call("GreaterOrEqual", self, other)
-
-    def __lt__(self, other: Operand) -> Signal:
-        return self.graph.call("Less", self, other)
-
-    def __le__(self, other: Operand) -> Signal:
-        return self.graph.call("LessOrEqual", self, other)
-
-    def __and__(self, other: Signal) -> Signal:
-        return self.graph.call("And", self, other)
-
-    def __or__(self, other: Signal) -> Signal:
-        return self.graph.call("Or", self, other)
 
     def __invert__(self) -> Signal:
         return self.graph.call("Not", self)

@@ -62,7 +62,7 @@ class TrainingOptions:
         A value that nothing can be trained with.
     """
 
-    out: Path
+    out: Path = Path("results/train")
     # Folder of the run. The same options with the same folder continue an interrupted run.
     seed: int = 0
     # Of weights, exploration, plants, references and noise: the same seed, the same run.
@@ -253,17 +253,12 @@ def _flat(document: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 class Run:
     """A training in its folder."""
 
-    options: TrainingOptions
-    # What was asked for.
-    settings: Settings
-    # Its hyper-parameters.
-    algorithm: str
-    # Name, as on the command line.
+    options: TrainingOptions  # what was asked for
+    settings: Settings  # its hyper-parameters
+    algorithm: str  # Name, as on the command line
     timesteps: int
-    every: int
-    # Steps in all, and of a stretch.
-    libraries: tuple[str, ...]
-    # Distributions whose versions the result depends on.
+    every: int  # steps in all, and of a stretch
+    libraries: tuple[str, ...]  # distributions whose versions the result depends on
 
     @classmethod
     def open(

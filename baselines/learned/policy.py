@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.envelope import checked_envelope
+from baselines.monitors import checked_envelope
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.wrappers.history import History
@@ -36,18 +36,10 @@ DESCRIPTION = "policy.json"
 
 
 class SavedPolicy:
-    """A policy that was trained in a loop of one layout.
+    """A policy that was trained in a loop of one layout."""
 
-    Attributes
-    ----------
-    layout : ObservationLayout
-        What the observations of its training showed.
-    seen : Mapping
-        How far the loops of its training went.
-    """
-
-    layout: ObservationLayout
-    seen: Mapping[str, float]
+    layout: ObservationLayout  # of the observations of its training
+    seen: Mapping[str, float]  # how far the loops of its training went
 
     def runs_at(self, ts_s: float) -> bool:
         """Whether a sampling time (s) is that of its training: it means nothing at another."""
@@ -253,7 +245,7 @@ class Policy(SavedPolicy):
     training
         How it came about, for a reader.
     seen
-        How far the loops of its training went, see :mod:`baselines.learned.envelope`; empty: not known.
+        How far the loops of its training went, see :mod:`baselines.monitors`; empty: not known.
 
     Raises
     ------

@@ -32,33 +32,16 @@ _SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
 
 @dataclass(frozen=True)
 class Settings:
-    """Hyper-parameters of a file.
-
-    Parameters
-    ----------
-    lanes, timesteps
-        ``n_envs`` and ``n_timesteps``.
-    history
-        Earlier samples that observations are stacked with (``env_wrapper``).
-    frequency_hz, error
-        Units of the scaling (``env_wrapper``).
-    algorithm
-        The other keys: arguments of the algorithm, as the file has them.
-
-    Examples
-    --------
-    >>> settings = Settings(4, 1000, algorithm={"learning_rate": "lin_0.001", "gamma": 0.9})
-    >>> made = settings.arguments()
-    >>> made["gamma"], made["learning_rate"](0.5)
-    (0.9, 0.0005)
-    """
+    """Hyper-parameters of a file."""
 
     lanes: int
-    timesteps: int
-    history: int = 0
+    timesteps: int  # ``n_envs`` and ``n_timesteps``
+    history: int = 0  # earlier samples that observations are stacked with (``env_wrapper``)
     frequency_hz: float = 100.0
-    error: float = 0.02
-    algorithm: Mapping[str, Any] = field(default_factory=dict)
+    error: float = 0.02  # units of the scaling (``env_wrapper``)
+    algorithm: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # the other keys, as the file has them
 
     def arguments(self) -> dict[str, Any]:
         """Arguments of the algorithm: schedules and noise made from what the file says."""

@@ -105,14 +105,19 @@ class StableBaselinesLearner:
                 tb_log_name=self._name,
                 log_interval=self._logged_each,
             )
-        except ValueError as error:
+        except (ValueError, RuntimeError) as error:
             weights = nn.utils.parameters_to_vector(self.model.policy.parameters())
             largest = float(weights.detach().abs().max())  # NaN where one is
-            if largest < _DIVERGED:
+            rate = float(self.model.lr_schedule(self.model._current_progress_remaining))
+            if largest < _DIVERGED and rate < _DIVERGED:  # torch refuses a step beyond its floats
                 raise
+            reason = (
+                f"learning_rate is {rate:.3g}"
+                if largest < _DIVERGED
+                else f"a weight is {largest:.3g}"
+            )
             raise DivergedError(
-                f"the training diverged after {self.timesteps} steps: a weight is {largest:.3g}; "
-                "take a lower learning_rate"
+                f"the training diverged after {self.timesteps} steps: {reason}; take a lower learning_rate"
             ) from error
 
     def tensors(self) -> Mapping[str, Any]:

@@ -42,10 +42,8 @@ class Range:
     """Numbers between two, ends included."""
 
     low: float
-    high: float
-    # Whole both, or not.
-    log: bool = False
-    # Whether evenly in the logarithm.
+    high: float  # whole both, or not
+    log: bool = False  # whether evenly in the logarithm
 
     @property
     def distribution(self) -> BaseDistribution:
@@ -72,8 +70,7 @@ class Range:
 class Choice:
     """One of several values of any kind."""
 
-    values: tuple[str, ...]
-    # As JSON, which Optuna can keep.
+    values: tuple[str, ...]  # as JSON, which Optuna can keep
 
     @property
     def distribution(self) -> BaseDistribution:
@@ -183,26 +180,21 @@ BEST = "best.yml"
 class Trial:
     """A training of a sweep, done."""
 
-    number: int
-    # From 0; its folder is ``trials/NUMBER``.
-    tried: dict[str, Any]
-    # Hyper-parameters that were chosen.
+    number: int  # from 0; its folder is ``trials/NUMBER``
+    tried: dict[str, Any]  # Hyper-parameters that were chosen
     reward: float | None
     rmse_um: float | None
     compensator_rmse_um: float | None
     # Of the policy that was kept, on held-out plants; None: the training diverged.
-    seconds: float | None
-    # It took.
+    seconds: float | None  # it took
 
 
 @dataclass(frozen=True)
 class Sweep:
     """A search of hyper-parameters, as far as it was asked for."""
 
-    folder: Path
-    # Holds ``best.yml``, ``trials.csv``, ``trials/NUMBER`` and the journal.
-    trials: tuple[Trial, ...]
-    # All of them.
+    folder: Path  # holds ``best.yml``, ``trials.csv``, ``trials/NUMBER`` and the journal
+    trials: tuple[Trial, ...]  # all of them
 
     @property
     def best(self) -> Trial:

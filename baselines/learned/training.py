@@ -153,14 +153,7 @@ class Trainer(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Options(TrainingOptions):
-    """Options of a training; its hyper-parameters are in ``hyperparameters/ALGORITHM.yml``."""
-
-    out: Path = Path("results/train")
-
-
-@dataclass(frozen=True)
-class NativeOptions(Options):
+class NativeOptions(TrainingOptions):
     """Options of a training with the native PPO.
 
     Without `every` a stretch has a twentieth of all steps, and two episodes of every lane at least.
@@ -196,8 +189,8 @@ def trainer(algorithm: str) -> Trainer:
         return Trainer(NativeOptions, train_native)
     from baselines.learned.stable_baselines import ALGORITHMS, StableBaselinesLearner
 
-    def train(options: Options, progress: Progress | None = None) -> Path:
+    def train(options: TrainingOptions, progress: Progress | None = None) -> Path:
         run = Run.open(options, algorithm, ALGORITHMS[algorithm])
         return learn(run, StableBaselinesLearner(run), progress)
 
-    return Trainer(Options, train)
+    return Trainer(TrainingOptions, train)

@@ -32,7 +32,7 @@ from benchmarks.effect_discovery.cases import (
 )
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from benchmarks.effect_discovery.summary import REPORTS
+from benchmarks.effect_discovery.report import REPORTS
 from benchmarks.rows import run_rows, stored_rows
 from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.support.command_line import Options

@@ -1,11 +1,12 @@
-"""Foreign truth: plants, effects and protocols in other forms than the package's own."""
+"""Foreign truth: plants, effects and protocols in other forms than the package's own, and degraded records."""
 
 from __future__ import annotations
 
 import math
+import tempfile
 import time
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -13,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.effect_discovery.bench import Bench, close_loop
 from benchmarks.effect_discovery.cases import Case, Prepared, Sampled, Source
 from benchmarks.effect_discovery.forms import (
     EFFECTS,
+    TIMED,
     Form,
     Mechanism,
     Scale,
@@ -25,26 +26,228 @@ from benchmarks.effect_discovery.forms import (
     mechanism,
     scale_of,
 )
-from benchmarks.effect_discovery.outsiders import BoucWen
-from benchmarks.effect_discovery.physics import duhem, stuck_and_slipped
-from benchmarks.effect_discovery.plants import draw_plant, noise_of
+from benchmarks.effect_discovery.plants import OUTSIDE, Bench, close_loop, draw_plant, noise_of
 from benchmarks.effect_discovery.protocols import PROTOCOLS, draw_experiment
-from benchmarks.effect_discovery.sampled import (
-    CLOCKS,
-    EXCUSED,
-    KINDS,
-    degrade,
-    through_files,
-    true_residual,
-)
-from rdpi_gym.diagnosis.results import SearchResult
+from rdpi_gym.diagnosis.results import SearchResult, View
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.scale import data_scale
-from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement import Dataset, Record, load
+from rdpi_gym.measurement.record import BoolArray
+from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.files import write_atomic
 from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError, refit_residuals
+
+# --- degradations by instruments and files ---
+
+Degrade = Callable[[Sampled, np.random.Generator], Sampled]
+
+
+def _changed(s: Sampled, y: Array, bad: BoolArray) -> Sampled:
+    return replace(s, record=replace(s.record, y_um=y), is_sound=s.is_sound & ~bad)
+
+
+def _spikes(s: Sampled, rng: np.random.Generator) -> Sampled:
+    """Let one sample in a hundred be far off, by up to half of the stroke."""
+    y = s.record.y_um.copy()
+    bad = rng.random(y.size) < 0.01
+    far = np.ptp(y) * np.exp(rng.uniform(np.log(0.01), np.log(0.5), y.size))
+    y[bad] += (far * rng.choice([-1.0, 1.0], y.size))[bad]
+    return _changed(s, y, bad)
+
+
+def _dropouts(s: Sampled, rng: np.random.Generator) -> Sampled:
+    """Let the sensor hold its value, or show zero, one to three times for 5 to 50 ms."""
+    y, bad = s.record.y_um.copy(), np.zeros(s.record.y_um.size, dtype=np.bool_)
+    is_zero = bool(rng.random() < 0.5)
+    for _ in range(int(rng.integers(1, 4))):
+        length = max(3, round(rng.uniform(0.005, 0.05) / s.record.ts_s))
+        length = min(length, y.size // 20)
+        start = int(rng.integers(y.size // 10, y.size - length))
+        y[start : start + length] = 0.0 if is_zero else y[start]
+        bad[start : start + length] = True
+    return _changed(s, y, bad)
+
+
+def _clipped_output(s: Sampled, rng: np.random.Generator) -> Sampled:
+    """Let the sensor's converter end within the stroke, on one side or both."""
+    y = s.record.y_um
+    low, high = np.quantile(y, [rng.uniform(0.0, 0.06), 1.0 - rng.uniform(0.01, 0.08)])
+    clipped = np.clip(y, low, high)
+    return _changed(s, clipped, clipped != y)
+
+
+def _clipped_input(s: Sampled, rng: np.random.Generator) -> Sampled:
+    """Let the converter that records the command end within its range; the plant saw the whole."""
+    u = s.record.u_V
+    high = float(np.quantile(u, 1.0 - rng.uniform(0.01, 0.06)))
+    clipped = np.minimum(u, high)
+    sound = s.is_sound & (clipped == u)
+    return replace(s, record=replace(s.record, u_V=clipped), is_sound=sound)
+
+
+def _apart(s: Sampled, rng: np.random.Generator) -> Sampled:
+    """Let u and y be one sample apart, either way round."""
+    return _shifted(s, 1.0 if rng.random() < 0.5 else -1.0, 0.0)
+
+
+def _skew(s: Sampled, rng: np.random.Generator) -> Sampled:
+    """Let the clock of y run fast or slow by 5 to 50 ppm, in steps of whole samples."""
+    return _shifted(s, 0.0, rng.uniform(5e-6, 5e-5) * (1.0 if rng.random() < 0.5 else -1.0))
+
+
+def _shifted(s: Sampled, samples: float, skew: float) -> Sampled:
+    k = np.arange(s.record.y_um.size)
+    at = np.clip(np.round(k - samples - skew * k), 0, k[-1]).astype(np.int64)
+    return replace(
+        s, record=replace(s.record, y_um=s.record.y_um[at]), clean_um=s.clean_um[at],
+        by_input_um=s.by_input_um[at],
+    )  # fmt: skip
+
+
+DEGRADATIONS: Mapping[str, Degrade] = {
+    "spikes": _spikes,
+    "dropouts": _dropouts,
+    "clipped output": _clipped_output,
+    "clipped input": _clipped_input,
+    "one sample apart": _apart,
+    "clock skew": _skew,
+}
+"""Degradations of a record's samples, by name."""
+
+CLOCKS: tuple[str, ...] = ("rounded stamps", "jittered stamps", "missing rows")
+"""Degradations on the way through a file."""
+
+KINDS: tuple[str, ...] = (*DEGRADATIONS, *CLOCKS)
+"""All degradations."""
+
+# What may be named without being wrong, as it describes what was done.
+EXCUSED: Mapping[str, tuple[str, ...]] = {"one sample apart": ("delay",)}
+
+
+def degrade(kind: str, records: list[Sampled], rng: np.random.Generator) -> list[Sampled]:
+    """Do one of :data:`DEGRADATIONS` to every record; of a clock shift, the same to all."""
+    if kind not in DEGRADATIONS:
+        return records
+    seed = int(rng.integers(2**31))
+    is_clock = kind in ("one sample apart", "clock skew")
+    return [
+        DEGRADATIONS[kind](s, np.random.default_rng(seed if is_clock else [seed, k]))
+        for k, s in enumerate(records)
+    ]
+
+
+def through_files(kind: str, dataset: Dataset, rng: np.random.Generator) -> Dataset:
+    """Write records to files whose stamps or rows are not sound, and read them."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        roles = "".join(f'[records."{r.name}"]\nrole = "{r.role}"\n' for r in dataset.records)
+        write_atomic(folder / "dataset.toml", roles)
+        for r in dataset.records:
+            t, y, kept = r.t_s.copy(), r.y_um.copy(), np.ones(r.t_s.size, dtype=np.bool_)
+            if kind == "jittered stamps":
+                t[1:-1] += rng.uniform(-0.1, 0.1, t.size - 2) * r.ts_s
+            if kind == "missing rows":
+                bad = rng.integers(10, t.size - 10, max(4, t.size // 400))
+                kept[bad[::2]] = False
+                y[bad[1::2]] = np.nan
+            # rounded stamps have the fewest digits of which no two are the same
+            digits = int(np.ceil(-np.log10(r.ts_s) - 1e-9)) if kind == "rounded stamps" else 9
+            columns = zip(t[kept], r.u_V[kept], y[kept], strict=True)
+            rows = [f"{a:.{digits}f},{b:.9g},{c:.9g}" for a, b, c in columns]
+            write_atomic(folder / f"{r.name}.csv", "\n".join(["t,u,y", *rows, ""]))
+        return replace(load(folder), title=dataset.title)
+
+
+# --- the residual of a model against the truth ---
+
+_GAIN = "gain_drift"
+_MOST_MOVED = 4  # samples
+
+
+def true_residual(
+    discovery: SearchResult, records: Sequence[Sampled], hidden: Collection[str] = ()
+) -> dict[str, float | None]:
+    """Compare a final model with the displacement that no sensor has read, on validation records."""
+    plant, by_name = discovery.plant, {s.record.name: s for s in records}
+    timed = any(e.name in TIMED for e in plant.effects)
+    clean, by_input, count = 0.0, 0.0, 0
+    for view in discovery.views:
+        if view.role != "validation" or view.name not in by_name:
+            continue
+        s = by_name[view.name]
+        clock = _clock(view, s)
+        t = clock - s.record.ts_s * _moved_samples(view, s, clock)
+        sound = np.interp(view.t_s, t, s.is_sound.astype(np.float64)) > 0.99
+        known = (view.t_s > t[0] - 0.1 * s.record.ts_s) & (view.t_s < t[-1] + 0.1 * s.record.ts_s)
+        counted = (view.counted > 0.5) & sound & known
+        if not counted.any():
+            continue
+        model = view.models_um[list(view.models_um)[-1]]
+        truth, part = (np.interp(view.t_s, t, y) for y in (s.clean_um, s.by_input_um))
+        clean += _square(truth - model, counted)
+        if _GAIN in hidden:
+            part = _at_mean_gain(truth, part, counted)
+        by_clock = _by_clock(plant, view, s.record.ts_s, counted) if timed else np.zeros_like(model)
+        by_input += _square(part - (model - by_clock), counted)
+        count += int(counted.sum())
+    if not count:
+        return {"clean_um": None, "by_input_um": None}
+    return {"clean_um": math.sqrt(clean / count), "by_input_um": math.sqrt(by_input / count)}
+
+
+def _clock(view: View, s: Sampled) -> Array:
+    """Times of the samples as the result counts them (s): stamps that were rounded run otherwise."""
+    return view.t_s if view.t_s.size == s.record.t_s.size else s.record.t_s
+
+
+def _moved_samples(view: View, s: Sampled, clock: Array) -> float:
+    """Return by how many samples preprocessing moved y ahead, u left alone."""
+    counted = view.counted > 0.5
+    given = np.interp(view.t_s, clock, s.record.y_um)
+    if not counted.any() or np.allclose(view.y_um[counted], given[counted]):
+        return 0.0
+    shifts = np.linspace(-_MOST_MOVED, _MOST_MOVED, 20 * _MOST_MOVED + 1)
+    left = [
+        _square(view.y_um - np.interp(view.t_s + d * s.record.ts_s, clock, s.clean_um), counted)
+        for d in shifts
+    ]
+    return float(shifts[int(np.argmin(left))])
+
+
+def _by_clock(plant: PlantModel, view: View, ts_s: float, counted: BoolArray) -> Array:
+    """Contribution of a model's time-driven effects to its displacement (µm)."""
+    record = Record(view.name, view.t_s, view.u_V, view.y_um, ts_s=ts_s)
+
+    def simulated(left_out: Sequence[str]) -> Array:
+        effects = tuple(e for e in plant.effects if e.name not in left_out)
+        return np.asarray(simulate_effects([Variant(plant.hysteresis, effects)], record)[:, 0])
+
+    still = simulated(TIMED)
+    if any(e.name == _GAIN for e in plant.effects):
+        still = _at_mean_gain(simulated([name for name in TIMED if name != _GAIN]), still, counted)
+    return np.asarray(simulated(()) - still)
+
+
+def _at_mean_gain(whole: Array, still: Array, counted: BoolArray) -> Array:
+    """Displacement without a drift of the gain, at the gain that it has in the middle of a record.
+
+    Without it, a gain that has drifted before the record would count as a function of the clock.
+    """
+    x, y = still[counted] - still[counted].mean(), whole[counted] - whole[counted].mean()
+    return np.asarray(still * float(x @ y) / max(float(x @ x), 1e-300))
+
+
+def _square(error: Array, counted: BoolArray) -> float:
+    """Sum of squares about the mean, over the samples that count."""
+    e = error[counted]
+    return float(np.sum((e - e.mean()) ** 2))
+
+
+# --- draws ---
 
 _ATTEMPTS = 14
 _WANTED = (3.5, 40.0)  # noise floors, of which one is drawn for each effect
@@ -55,15 +258,11 @@ _GROWN = 1.1  # the direction in which another effect may be refitted
 
 def blank_records(bench: Bench) -> list[Record]:
     """Records of the commands; the displacement is a placeholder."""
-    found = []
-    for drive, start in zip(bench.experiment.drives, bench.starts_s(), strict=True):
-        u = drive.command_V
-        t = start + drive.ts_s * np.arange(u.size, dtype=np.float64)
-        kept = slice(drive.cut, None)
-        found.append(
-            Record(drive.name, t[kept], u[kept], u[kept], ts_s=drive.ts_s, role=drive.role)
-        )
-    return found
+    return [
+        Record(d.name, t, u, u, ts_s=d.ts_s, role=d.role)
+        for d, t in zip(bench.experiment.drives, bench.clocks_s(), strict=True)
+        for u in [d.command_V[d.cut :]]
+    ]
 
 
 def remaining_um(
@@ -146,88 +345,6 @@ def alike(dataset: Dataset, bench: Bench, names: Sequence[str]) -> dict[str, lis
     return {name: [n for n in found.alike(name) if n in effects] for name in known}
 
 
-Displaced = tuple[list[Array], list[Array], dict[str, Any]]
-"""Displacement at the recorded samples (µm), the part that follows from the input, the numbers."""
-
-
-def _force(bench: Bench, rng: np.random.Generator) -> Displaced:
-    """Push with band-limited noise: twenty lines that go by the clock."""
-    still = bench.displacements()
-    size = bench.plant.noise_um * rng.uniform(3.0, 12.0)
-    fastest = 0.2 / min(d.ts_s for d in bench.experiment.drives)
-    hz = np.exp(rng.uniform(math.log(0.005 * fastest), math.log(fastest), 20))
-    phases = rng.uniform(0.0, 2.0 * math.pi, hz.size)
-    pushed = []
-    for y, t in zip(still, _clocks(bench), strict=True):
-        force = sum(np.sin(2.0 * math.pi * f * t + p) for f, p in zip(hz, phases, strict=True))
-        pushed.append(y + size * math.sqrt(2.0 / hz.size) * force)
-    return pushed, still, {"rms_um": size, "low_hz": float(hz.min()), "high_hz": float(hz.max())}
-
-
-def _second_input(bench: Bench, rng: np.random.Generator) -> Displaced:
-    """Move another axis, which nobody recorded, in steps that couple into this one."""
-    still = bench.displacements()
-    size = bench.plant.noise_um * rng.uniform(6.0, 25.0)
-    moved = []
-    for y, t in zip(still, _clocks(bench), strict=True):
-        ends = np.sort(rng.uniform(t[0], t[-1], int(rng.integers(8, 30))))
-        levels = rng.uniform(-1.0, 1.0, ends.size + 1)
-        moved.append(y + size * levels[np.searchsorted(ends, t)])
-    return moved, still, {"peak_um": size}
-
-
-def _bouc_wen(bench: Bench, rng: np.random.Generator) -> Displaced:
-    p = bench.plant
-    width = p.span_V * rng.uniform(0.1, 0.3)
-    depth = float(p.weights.sum()) * width * rng.uniform(0.7, 1.5)
-    model = BoucWen(
-        p.gain_um_V, depth, width, exponent=rng.uniform(1.0, 2.0), share=rng.uniform(0.5, 0.9)
-    )
-    y = _of_commands(bench, model.of_command)
-    return y, y, model.to_dict()
-
-
-def _duhem(bench: Bench, rng: np.random.Generator) -> Displaced:
-    p = bench.plant
-    alpha = rng.uniform(1.5, 6.0) / p.span_V
-    numbers = {"alpha": alpha, "slope_um_V": p.gain_um_V, "initial_um_V": p.a0_um_V}
-    y = _of_commands(bench, lambda u: np.asarray(duhem(u, alpha, p.gain_um_V, p.a0_um_V)))
-    return y, y, numbers
-
-
-def _stick_slip(bench: Bench, rng: np.random.Generator) -> Displaced:
-    sticks = bench.plant.noise_um * rng.uniform(8.0, 30.0)
-    slips = sticks * rng.uniform(0.1, 0.5)
-    y = [np.asarray(stuck_and_slipped(x, sticks, slips)) for x in bench.displacements()]
-    return y, y, {"sticks_um": sticks, "slips_um": slips}
-
-
-def _clocks(bench: Bench) -> list[Array]:
-    return [
-        start + d.ts_s * np.arange(d.cut, d.command_V.size, dtype=np.float64)
-        for d, start in zip(bench.experiment.drives, bench.starts_s(), strict=True)
-    ]
-
-
-def _of_commands(bench: Bench, respond: Callable[[Array], Array]) -> list[Array]:
-    """Displacement of a core that stands in the place of the plays, by record."""
-    found = []
-    for drive in bench.experiment.drives:
-        about = drive.fine_V - bench.plant.centre_V  # symmetric about the middle of the range
-        found.append(respond(about)[:: drive.parts][drive.cut :])
-    return found
-
-
-OUTSIDE: Mapping[str, Callable[[Bench, np.random.Generator], Displaced]] = {
-    "force": _force,
-    "second input": _second_input,
-    "bouc-wen": _bouc_wen,
-    "duhem": _duhem,
-    "stick-slip": _stick_slip,
-}
-"""Phenomena outside the catalogue, by name."""
-
-
 NUMBERS = {"single": 450, "double": 250, "triple": 100, "none": 100, "outside": 100}
 """Studies, and how many plants each has."""
 
@@ -293,7 +410,9 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
     floors: dict[str, float] = {}
     if names:
         forms = [draw_form(name, rng) for name in names]
-        bench, floors = sized(bench, forms, scale_of(bench.experiment, plant, is_coarse), rng)
+        bench, floors = sized(
+            bench, forms, scale_of(bench.experiment, plant.stroke_um, is_coarse), rng
+        )
         if is_closed:  # around the whole plant
             bench = close_loop(replace(bench, experiment=references), noise)
     outside: dict[str, Any] = {}

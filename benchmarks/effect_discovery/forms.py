@@ -16,7 +16,6 @@ from benchmarks.effect_discovery.physics import (
     limited_rate,
     linear,
 )
-from benchmarks.effect_discovery.plants import Foreign, fastest_rate_V_s
 from benchmarks.effect_discovery.protocols import Experiment
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.arrays import Array
@@ -69,13 +68,13 @@ class Scale:
         return 3.0 * self.slowest_ts_s if self.is_held else 1.0 * self.ts_s
 
 
-def scale_of(experiment: Experiment, plant: Foreign, is_coarse: bool) -> Scale:
+def scale_of(experiment: Experiment, stroke_um: float, is_coarse: bool) -> Scale:
     """Return the size of an experiment on a plant."""
     steps = [d.ts_s for d in experiment.drives]
     durations = [d.duration_s for d in experiment.drives]
     is_held = any(d.is_held for d in experiment.drives)
     return Scale(
-        experiment.centre_V, experiment.span_V, plant.stroke_um, fastest_rate_V_s(experiment), min(steps), max(steps),
+        experiment.centre_V, experiment.span_V, stroke_um, experiment.fastest_rate_V_s, min(steps), max(steps),
         max(durations), sum(durations), is_held, is_coarse,
     )  # fmt: skip
 
@@ -563,8 +562,3 @@ def draw_form(effect: str, rng: np.random.Generator) -> Form:
 def mechanism(form: Form, scale: Scale, seed: int, size: float) -> Mechanism:
     """Return a form of some size: the same seed gives the same effect, larger or smaller."""
     return Mechanism(form, form.draw(scale, np.random.default_rng(seed), size))
-
-
-def without(mechanisms: Sequence[Mechanism], effects: Sequence[str]) -> tuple[Mechanism, ...]:
-    """Return those that are none of some effects."""
-    return tuple(m for m in mechanisms if m.effect not in effects)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numba import njit
@@ -15,30 +15,31 @@ from rdpi_gym.virtual_lab.dataset import displacement
 from rdpi_gym.virtual_lab.truth import Truth
 
 
-class Outsider(Protocol):
+@dataclass(frozen=True)
+class Outsider:
     """Something that displaces the stage and that no effect of the catalogue is."""
 
     name: ClassVar[str]
 
     def displacement(self, truth: Truth, t: Array, u: Array) -> Array:
-        """Displacement (µm) at times on the clock (s), for commands (V), ``(T,)``."""
+        """Displacement (µm) at times on the clock (s), for commands (V), ``(T,)``.
+
+        A hysteresis of another kind stands in the place of the plant of the truth.
+        """
+        return self.of_command(u)
+
+    def of_command(self, u: Array) -> Array:
+        """Displacement (µm) for commands (V), ``(T,)``."""
+        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the numbers, for the record of the truth."""
+        """Return kind and numbers, for the record of the truth."""
+        return {"outside": self.name, **asdict(self)}
 
 
 @dataclass(frozen=True)
-class Force:
-    """Band-limited random force on the plant: a sum of sines that follows the clock.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> t = np.arange(100_000) * 1e-3
-    >>> still = Truth(P10, (), noise_um=0.0, seed=0)
-    >>> round(float(Force(0.1, 5.0, 50.0, 3).displacement(still, t, np.zeros(t.size)).std()), 2)
-    0.1
-    """
+class Force(Outsider):
+    """Band-limited random force on the plant: a sum of sines that follows the clock."""
 
     rms_um: float  # displacement that it causes (µm rms)
     # band
@@ -58,10 +59,6 @@ class Force:
         for frequency, phase in zip(frequencies, phases, strict=True):
             pushed += np.sin(2.0 * math.pi * frequency * t + phase)
         return displacement(truth, t, u) + self.rms_um * math.sqrt(2.0 / self._LINES) * pushed
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return kind and numbers."""
-        return {"outside": self.name, **asdict(self)}
 
 
 @njit(cache=True)
@@ -88,19 +85,11 @@ def _bouc_wen(u: Array, width: float, exponent: float, share: float) -> Array:
 
 
 @dataclass(frozen=True)
-class BoucWen:
+class BoucWen(Outsider):
     """Bouc-Wen hysteresis: y = A u - D z with w dz/du = 1 - |z|^n (σ sgn(du z) + 1 - σ).
 
     Low and Guo, "Modeling of a three-layer piezoelectric bimorph beam with hysteresis", J.
     Microelectromech. Syst. 4(4), 1995, use this form for a piezo actuator.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> model, still = BoucWen(1.2, 2.0, 4.0, 1.0, 0.6), Truth(P10, (), noise_um=0.0, seed=0)
-    >>> u = np.array([0.0, 40.0, 0.0, -40.0, 0.0])
-    >>> model.displacement(still, u, u).round(2).tolist()  # a loop, symmetric once it is closed
-    [0.0, 46.0, 2.0, -46.0, -2.0]
     """
 
     # A (µm/V) and D (µm)
@@ -113,18 +102,10 @@ class BoucWen:
 
     name: ClassVar[str] = "bouc-wen"
 
-    def displacement(self, truth: Truth, t: Array, u: Array) -> Array:
-        """Displacement; the plant of the truth is not in it."""
-        return self.of_command(u)
-
     def of_command(self, u: Array) -> Array:
         """Displacement (µm) for commands (V), ``(T,)``."""
         z = _bouc_wen(u, self.width_V, self.exponent, self.share)
         return np.asarray(self.gain_um_V * u - self.depth_um * z)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return kind and numbers."""
-        return {"outside": self.name, **asdict(self)}
 
 
 @njit(cache=True)
@@ -143,20 +124,11 @@ def _relays(u: Array, half_width: Array, density: Array, spread: float, middle: 
 
 
 @dataclass(frozen=True)
-class Preisach:
+class Preisach(Outsider):
     """Preisach hysteresis whose relays are densest about one voltage.
 
     Density exp(-h / w) sech²((m - c) / s) over the half width h and the middle m of a relay. A
     Prandtl-Ishlinskii model has a density that does not depend on m.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> model, still = Preisach(0.6, 0.6, 4.0, 30.0, 0.0), Truth(P10, (), noise_um=0.0, seed=0)
-    >>> u = np.array([0.0, 40.0, 0.0, -40.0, 0.0])
-    >>> y = model.displacement(still, u, u)
-    >>> bool(abs(y[1] + y[3]) < 1e-9 and y[2] > 1.0), bool(y[1] < 1.2 * 40.0)
-    (True, True)
     """
 
     # gain without relays, and that of all relays where they are densest (µm/V)
@@ -170,18 +142,14 @@ class Preisach:
     name: ClassVar[str] = "preisach"
     _WIDTHS: ClassVar[int] = 120
 
-    def displacement(self, truth: Truth, t: Array, u: Array) -> Array:
-        """Displacement; the plant of the truth is not in it."""
+    def of_command(self, u: Array) -> Array:
+        """Displacement (µm) for commands (V), ``(T,)``."""
         # Half widths of equal share of the exponential density.
         shares = (np.arange(self._WIDTHS) + 0.5) / self._WIDTHS
         half_width = -self.width_V * np.log1p(-shares)
         density = np.full(self._WIDTHS, self.relay_um_V / self._WIDTHS)
         relays = _relays(u, half_width, density, self.spread_V, self.middle_V)
         return np.asarray(self.gain_um_V * u + relays)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return kind and numbers."""
-        return {"outside": self.name, **asdict(self)}
 
 
 OUTSIDERS = (Force.name, BoucWen.name, Preisach.name)

@@ -90,6 +90,16 @@ class Experiment:
         """Recorded samples."""
         return sum(len(d.command_V) - d.cut for d in self.drives)
 
+    @property
+    def fastest_rate_V_s(self) -> float:
+        """Rate of the command that one sample in a hundred exceeds, of its fastest record (V/s)."""
+        fastest = 0.0
+        for drive in self.drives:
+            changes = np.abs(np.diff(drive.command_V))
+            usual = float(np.quantile(changes, 0.99)) or float(changes.max())
+            fastest = max(fastest, usual / drive.ts_s)
+        return fastest
+
 
 def _grid(samples: int) -> int:
     return _FEW if samples > _BUSY else _MANY

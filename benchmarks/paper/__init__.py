@@ -1,8 +1,15 @@
 """The paper's figures and numbers, recomputed for each reading of its Eq. 6."""
 
-from benchmarks.paper.cases import paper_cases
-from benchmarks.paper.run import PaperResults, reproduce_paper
-from benchmarks.paper.table import COLUMNS, implementation_rows, paper_rows, sweep_rows, to_csv
+from benchmarks.paper.claims import paper_cases
+from benchmarks.paper.run import (
+    COLUMNS,
+    PaperResults,
+    implementation_rows,
+    paper_rows,
+    reproduce_paper,
+    sweep_rows,
+    to_csv,
+)
 from benchmarks.paper.text import paper_markdown
 
 __all__ = [

@@ -9,16 +9,17 @@ from functools import partial
 from pathlib import Path
 
 import benchmarks.payoff
-from benchmarks.payoff.beliefs import (
+from benchmarks.payoff.report import payoff_picture, payoff_summary, payoff_text
+from benchmarks.payoff.scores import (
     FOLDER,
     HIDDEN_PLANTS,
+    ROWS_FILE,
     HiddenPlant,
     make_beliefs,
+    payoff_table,
     stored_beliefs,
 )
-from benchmarks.payoff.charts import payoff_picture
-from benchmarks.payoff.scores import ROWS_FILE, payoff_table
-from benchmarks.payoff.tables import payoff_summary, payoff_text
+from benchmarks.rows import write_csv
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.command_line import Options
 from rdpi_gym.support.files import write_atomic
@@ -42,35 +43,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: Namespace) -> None:
     make = stored_beliefs if options.stored else make_beliefs
-    look = partial(_beliefs, make=make, folder=options.beliefs, seed=options.seed)
-    _compute(look, options.out, options.seed, options.jobs)
-
-
-Beliefs = dict[str, PlantModel]
-
-
-def _compute(
-    look: Callable[[HiddenPlant], tuple[HiddenPlant, Beliefs]], out: Path, seed: int, jobs: int
-) -> None:
+    look = partial(make, folder=options.beliefs, seed=options.seed)
     with progress_bar() as show:
-        found: dict[HiddenPlant, Beliefs] = {}
-        for hidden, own in run_cases(look, HIDDEN_PLANTS, jobs):
+        found: dict[HiddenPlant, dict[str, PlantModel]] = {}
+        for hidden, own in run_cases(partial(_named, look=look), HIDDEN_PLANTS, options.jobs):
             found[hidden] = own
             show("discovering", len(found), len(HIDDEN_PLANTS))
         beliefs = {hidden: found[hidden] for hidden in HIDDEN_PLANTS}
-        table = payoff_table(beliefs, out, seed, jobs, show)
-    write_atomic(
-        out / "payoff.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    )
-    write_atomic(out / "payoff.png", payoff_picture(payoff_summary(table)))
-    print(f"table: {write_atomic(out / 'payoff.md', payoff_text(table))}")
-    (out / ROWS_FILE).unlink(missing_ok=True)  # the table holds them
+        table = payoff_table(beliefs, options.out, options.seed, options.jobs, show)
+    write_csv(options.out / "payoff.csv", table)
+    write_atomic(options.out / "payoff.png", payoff_picture(payoff_summary(table)))
+    print(f"table: {write_atomic(options.out / 'payoff.md', payoff_text(table))}")
+    (options.out / ROWS_FILE).unlink(missing_ok=True)  # the table holds them
 
 
-def _beliefs(
-    hidden: HiddenPlant, make: Callable[[HiddenPlant, Path, int], Beliefs], folder: Path, seed: int
-) -> tuple[HiddenPlant, Beliefs]:
-    return hidden, make(hidden, folder, seed)
+def _named(
+    hidden: HiddenPlant, look: Callable[[HiddenPlant], dict[str, PlantModel]]
+) -> tuple[HiddenPlant, dict[str, PlantModel]]:
+    return hidden, look(hidden)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
+    from minari.data_collector.episode_buffer import EpisodeBuffer
     from minari.dataset.minari_storage import MinariStorage
 
 FORMAT, VERSION = "rdpi-collection", 1
@@ -38,8 +39,6 @@ _DESCRIPTION, _DATA = "collection.json", "data"
 _LANES = 32  # episodes that a controller drives side by side
 _EPISODES, _ACTIONS = 1, 2  # begin the entropy of what is drawn
 _INFOS = ("displacement_um", "reference_um", "error_um", "command_V", "saturated")
-
-Infos = dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -193,8 +192,6 @@ def _write(
     progress: Progress,
 ) -> dict[str, dict[str, float]]:
     """Run all episodes, write them, and return what became of each controller's."""
-    from minari.data_collector.episode_buffer import EpisodeBuffer
-
     found: dict[str, dict[str, float]] = {}
     for name, numbers in zip(names, np.array_split(np.arange(episodes), len(names)), strict=True):
         squares, rewards = [], []
@@ -202,26 +199,14 @@ def _write(
             batch = [int(number) for number in numbers[first : first + len(lanes)]]
             progress("episodes", batch[0], episodes)
             seeds = [_seed(seed, number) for number in batch]
-            taken = _drive(name, lanes[: len(batch)], seeds)
-            ends = np.zeros(len(taken.reward), dtype=bool)
-            ends[-1] = True
-            storage.update_episodes(
-                EpisodeBuffer(
-                    seed=seeds[b],
-                    observations=taken.observation[:, b],
-                    actions=taken.action[:, b],
-                    rewards=taken.reward[:, b],
-                    terminations=np.zeros_like(ends),
-                    truncations=ends,
-                    infos={key: value[:, b] for key, value in taken.infos.items()},
-                )
-                for b in range(len(batch))
-            )
+            buffers, plants = _drive(name, lanes[: len(batch)], seeds)
+            storage.update_episodes(buffers)
             storage.update_episode_metadata(
-                ({"controller": name, "plant": plant} for plant in taken.plants), batch
+                ({"controller": name, "plant": plant} for plant in plants), batch
             )
-            squares.append(np.mean(taken.infos["error_um"] ** 2, axis=0))
-            rewards.append(taken.reward.mean(axis=0))
+            errors = np.stack([each.infos["error_um"] for each in buffers], axis=1)
+            squares.append(np.mean(errors**2, axis=0))
+            rewards.append(np.stack([each.rewards for each in buffers], axis=1).mean(axis=0))
         found[name] = {
             "episodes": len(numbers),
             "rmse_um": float(np.mean(np.sqrt(np.concatenate(squares)))),
@@ -237,18 +222,12 @@ def _seed(seed: int, number: int) -> int:
     return int(words[0] >> np.uint64(1))
 
 
-@dataclass(frozen=True)
-class _Taken:
-    """Episodes side by side, each array sample by lane; the plants as JSON."""
+def _drive(
+    name: str, lanes: Sequence[gym.Env[Any, Any]], seeds: Sequence[int]
+) -> tuple[list[EpisodeBuffer], list[str]]:
+    """Return an episode of each environment, driven side by side, and its plant as JSON."""
+    from minari.data_collector.episode_buffer import EpisodeBuffer
 
-    observation: NDArray[np.float32]
-    action: NDArray[np.float32]
-    reward: NDArray[np.float64]
-    infos: Infos
-    plants: list[str]
-
-
-def _drive(name: str, lanes: Sequence[gym.Env[Any, Any]], seeds: Sequence[int]) -> _Taken:
     began = [env.reset(seed=seed) for env, seed in zip(lanes, seeds, strict=True)]
     controller = _driver(name, lanes, seeds[0])
     inner = [cast(TaskEnv, env.unwrapped) for env in lanes]
@@ -268,10 +247,19 @@ def _drive(name: str, lanes: Sequence[gym.Env[Any, Any]], seeds: Sequence[int]) 
         rewards.append([float(step[1]) for step in steps])
         infos.append([step[4] for step in steps])
         over, starts = bool(steps[0][3]), np.zeros(count, dtype=bool)
-    return _Taken(
-        np.stack(observation),
-        np.stack(actions),
-        np.array(rewards),
-        {key: np.array([[info[key] for info in row] for row in infos]) for key in _INFOS},
-        [json.dumps(env.truth.to_dict()) for env in inner],
-    )
+    observations, taken, rewarded = np.stack(observation), np.stack(actions), np.array(rewards)
+    extras = {key: np.array([[info[key] for info in row] for row in infos]) for key in _INFOS}
+    ends = np.arange(len(rewarded)) == len(rewarded) - 1
+    buffers = [
+        EpisodeBuffer(
+            seed=seed,
+            observations=observations[:, b],
+            actions=taken[:, b],
+            rewards=rewarded[:, b],
+            terminations=np.zeros_like(ends),
+            truncations=ends,
+            infos={key: value[:, b] for key, value in extras.items()},
+        )
+        for b, seed in enumerate(seeds)
+    ]
+    return buffers, [json.dumps(env.truth.to_dict()) for env in inner]

@@ -1,19 +1,34 @@
-"""From rows to a ranking: failures first, then the worst tenth, then the middle half of the plants."""
+"""Ranking on tasks: failures first, then the worst tenth, then the middle half of the plants; its tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
 
 from baselines import HORIZON_BOUND
-from benchmarks.stages.unit import PREVIEW, WORST_PERCENT
-from benchmarks.tracking.leaderboard import CONFIDENCE
+from benchmarks.rows import paragraphs, write_csv
+from benchmarks.stages.run import (
+    PASSES,
+    PREVIEW,
+    SATURATED_PERCENT,
+    SLOWEST_US,
+    SUITE_VERSION,
+    WORST_PERCENT,
+)
+from benchmarks.tracking.evaluation import CONFIDENCE, ranged
+from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
+from rdpi_gym.support.words import number
 
 COLUMNS = (
     "rank", "controller", "failed", "p90_percent", "p90_low", "p90_high", "iqm_percent", "iqm_low",
@@ -43,7 +58,7 @@ def ninetieth(values: Array) -> Array:
 def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     """Rank the controllers on one task.
 
-    A plant on which a controller failed counts with its RMSE or :data:`~benchmarks.stages.unit.WORST_PERCENT`,
+    A plant on which a controller failed counts with its RMSE or :data:`~benchmarks.stages.run.WORST_PERCENT`,
     whichever is more. Of two controllers the one that failed on fewer plants is ahead; then that with
     the smaller 90th percentile, where the paired bootstrap of the difference over the plants excludes
     zero; then that with the smaller interquartile mean, where it does; else they tie. The rank is one
@@ -60,21 +75,22 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
         "p90": ninetieth(errors[:, picked]),
         "iqm": interquartile_mean(errors[:, picked]),
     }
-    lines = []
-    for i, name in enumerate(names):
-        own = table[table["controller"] == name]
-        lines.append(
-            {
-                "controller": name,
-                "failed": float(fails[i].mean()),
-                "p90_percent": float(ninetieth(errors[i])),
-                **_interval("p90", drawn["p90"][i]),
-                "iqm_percent": float(interquartile_mean(errors[i])),
-                **_interval("iqm", drawn["iqm"][i]),
-                **_rest(own, errors[i]),
-            }
-        )
-    ranked = pd.DataFrame(lines)
+    ends = {name: _ends(each) for name, each in drawn.items()}
+    ranked = pd.DataFrame(
+        [
+            _rest(table[table["controller"] == name], each)
+            for name, each in zip(names, errors, strict=True)
+        ]
+    ).assign(
+        controller=names,
+        failed=fails.mean(axis=1),
+        p90_percent=ninetieth(errors),
+        p90_low=ends["p90"][0],
+        p90_high=ends["p90"][1],
+        iqm_percent=[float(interquartile_mean(each)) for each in errors],
+        iqm_low=ends["iqm"][0],
+        iqm_high=ends["iqm"][1],
+    )
     is_rival = (ranked["controller"] != HORIZON_BOUND) & (ranked["sees"] == PREVIEW)
     rivals: list[int] = np.flatnonzero(is_rival).tolist()
     behind = np.array(
@@ -107,14 +123,9 @@ def _errors_and_fails(
     return counted, np.asarray(failed, dtype=np.float64)
 
 
-def _interval(name: str, drawn: Array) -> dict[str, float]:
-    low, high = _range(drawn)
-    return {f"{name}_low": low, f"{name}_high": high}
-
-
-def _range(drawn: Array) -> tuple[float, float]:
-    low, high = np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
-    return float(low), float(high)
+def _ends(drawn: Array) -> Array:
+    """Ends of the confidence interval along the last axis, low and high."""
+    return np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=-1)
 
 
 def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
@@ -123,9 +134,9 @@ def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
     if more:
         return more > 0.0
     for each in drawn.values():
-        low, high = _range(each[a] - each[b])
+        low, high = _ends(each[a] - each[b])
         if low > 0.0 or high < 0.0:
-            return low > 0.0
+            return bool(low > 0.0)
     return False
 
 
@@ -173,3 +184,181 @@ def agreement(first: Sequence[Row], second: Sequence[Row]) -> float:
     if len(one) < 3:
         return float("nan")
     return float(spearmanr(one, other.loc[one.index]).statistic)
+
+
+METHOD = f"""\
+- **Plants.** Each is drawn about the nominal plant of its task; all controllers meet the same, with the same references and the same noise, and hold the nominal plant with its nominal effects. Which seed they were drawn from stands above every table.
+- **Score of a plant.** Mean over its references of the RMSE in percent of the reference's peak to peak, of the displacement without the sensor's noise, over the samples that the task scores.
+- **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs. Such a plant counts with {WORST_PERCENT:g} % at least.
+- **p90, IQM.** 90th percentile over the plants, and mean of their middle half; in brackets the {100 * CONFIDENCE:g} % interval of a bootstrap over the plants.
+- **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
+- **Over noise.** IQM in units of the sensor's noise (rms).
+- **Bound.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error.
+- **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are listed and not ranked; of the latter the last pass is scored.
+- **Time.** Median time of one decision for one plant, on the machine and under the load of the run.
+- **Tuned on.** Plant samples of training draws that its committed settings took; 0: nothing was tuned.
+- **Certificate.** What a controller says of its stability on its belief before it drives anything.
+- **Order kept.** Spearman's correlation of the ranks of all rivals on the plants of even and of odd numbers, two disjoint draws.
+"""
+
+
+@dataclass(frozen=True, repr=False)
+class TaskScores:
+    """Scores of controllers on tasks.
+
+    Parameters
+    ----------
+    rows
+        One for each controller, task and plant.
+    draws
+        Which seed the plants were drawn from.
+    computed
+        Rows that were computed now; the others were found in the run's folder.
+    notes
+        What a reader should know, one sentence each.
+    """
+
+    rows: tuple[Row, ...]
+    draws: str
+    computed: int = 0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def tasks(self) -> list[str]:
+        """Short names of the tasks, in the order of the rows."""
+        return list(dict.fromkeys(str(row["task"]) for row in self.rows))
+
+    @property
+    def plants(self) -> int:
+        """Number of plants of each task."""
+        return len({row["plant"] for row in self.rows})
+
+    def rows_of(self, task: str) -> list[Row]:
+        """Return the rows of one task."""
+        return [row for row in self.rows if row["task"] == task]
+
+    @cached_property
+    def rankings(self) -> Mapping[str, pd.DataFrame]:
+        """The ranking of each task, best first."""
+        return {task: ranking(self.rows_of(task)) for task in self.tasks}
+
+    def ranking(self, task: str) -> pd.DataFrame:
+        """Return the ranking of one task, best first."""
+        return self.rankings[task]
+
+    def leaders(self, task: str, own: Sequence[str] = ()) -> pd.DataFrame:
+        """Return the first of one task's ranking as a reader sees it, and a user's own."""
+        return leaders(self.ranking(task), own).drop(columns="certificate")
+
+    def correlation(self, task: str) -> float:
+        """Return the correlation of the ranks on the plants of even and of odd numbers; NaN where there are too few."""
+        return rank_correlation(self.rows_of(task)) if self.plants > 1 else float("nan")
+
+    @property
+    def answer(self) -> str:
+        """Who is first on each task, by how much, one line a task."""
+        return "\n".join(_first(task, self.ranking(task)) for task in self.tasks)
+
+    def __repr__(self) -> str:
+        parts = [self.answer, self.seen]
+        parts += [
+            f"{task}\n{view(self.ranking(task)).to_string(index=False)}" for task in self.tasks
+        ]
+        return "\n".join([*parts, *self.notes])
+
+    @property
+    def seen(self) -> str:
+        """How many plants, and from which seed."""
+        return f"{self.plants} plants a task, {self.draws}, task suite {SUITE_VERSION}."
+
+    def write(self, folder: Path) -> Path:
+        """Write ``tasks.csv`` and ``tasks.md``, and return the latter."""
+        table = pd.concat(
+            [part.assign(task=task, draws=self.draws) for task, part in self.rankings.items()],
+            ignore_index=True,
+        )
+        columns = ["task", *(name for name in table.columns if name != "task")]
+        write_csv(folder / "tasks.csv", table[columns])
+        return write_atomic(folder / "tasks.md", self._text())
+
+    def _text(self) -> str:
+        overview = pd.DataFrame(
+            [_line(task, part, self.correlation(task)) for task, part in self.rankings.items()]
+        )
+        parts = [
+            "# Controllers on the registered tasks",
+            self.seen + " Every ranking is in `tasks.csv`.",
+            *self.notes,
+            frame_table(overview),
+            "## What the figures mean",
+            METHOD,
+        ]
+        for task, part in self.rankings.items():
+            title = TASKS[task].title if task in TASKS else ""
+            parts += [f"## {task}", f"{title}. {self.seen}", frame_table(view(part))]
+            failed = part[part["failure"] != ""]
+            if not failed.empty:
+                reasons = "; ".join(
+                    f"`{name}`: {reason}"
+                    for name, reason in zip(
+                        failed["controller"], failed["failure"].map(_short), strict=True
+                    )
+                )
+                parts.append(f"First reason of each that failed anywhere: {reasons}.")
+        return paragraphs(parts)
+
+
+def view(ranked: pd.DataFrame) -> pd.DataFrame:
+    """Return a ranking with the columns and headings that a reader sees."""
+    return pd.DataFrame(
+        {
+            "rank": ranked["rank"],
+            "controller": ranked["controller"],
+            "failed (%)": 100.0 * ranked["failed"],
+            "p90 (%)": ranged(ranked, "p90_percent", stem="p90"),
+            "IQM (%)": ranged(ranked, "iqm_percent", stem="iqm"),
+            "over noise": ranked["iqm_noise"],
+            "command (V/s)": ranked["command_variation_V_s"],
+            "µs": ranked["microseconds_per_sample"],
+            "tuned on": ranked["tuning_samples"].fillna(0).astype(np.int64).astype(str),
+            "certificate": ranked["certificate"].fillna("–").map(_short),
+        }
+    )
+
+
+def _short(text: object, most: int = 70) -> str:
+    first = str(text).split("; ")[0]
+    return first if len(first) <= most else f"{first[: most - 1]}…"
+
+
+def _first(task: str, ranked: pd.DataFrame) -> str:
+    rivals = rivals_of(ranked)
+    best = rivals.iloc[0]
+    tied = rivals.loc[rivals["rank"] == best["rank"], "controller"].tolist()[1:]
+    sentence = (
+        f"{task}: {best['controller']} first, IQM {number(best['iqm_percent'])} %, 90th percentile "
+        f"{number(best['p90_percent'])} %, failed on {number(100.0 * best['failed'])} % of the plants"
+    )
+    return sentence + (f"; tied with it: {', '.join(tied)}." if tied else ".")
+
+
+def _line(task: str, ranked: pd.DataFrame, correlation: float) -> dict[str, object]:
+    best, bound = rivals_of(ranked).iloc[0], ranked[ranked["rank"] == BOUND]
+    return {
+        "task": task,
+        "first": best["controller"],
+        "failed (%)": 100.0 * best["failed"],
+        "p90 (%)": best["p90_percent"],
+        "IQM (%)": best["iqm_percent"],
+        "over noise": best["iqm_noise"],
+        "bound, IQM (%)": float(bound["iqm_percent"].iloc[0]) if len(bound) else float("nan"),
+        "rivals without a failure": f"{int((rivals_of(ranked)['failed'] == 0.0).sum())} of {len(rivals_of(ranked))}",
+        "order kept": correlation,
+    }
+
+
+def leaders(ranked: pd.DataFrame, own: Sequence[str] = (), most: int = 10) -> pd.DataFrame:
+    """Return the first of a ranking as a reader sees it, with what has no rank and a user's own."""
+    beside = ~ranked["controller"].isin(rivals_of(ranked)["controller"])
+    shown = ranked["controller"].isin([*rivals_of(ranked)["controller"][:most], *own])
+    return view(ranked[shown | beside])

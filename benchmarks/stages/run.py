@@ -1,4 +1,4 @@
-"""Runs of controllers on tasks: test seeds, and units that are not finished, row by row into a store."""
+"""Runs of controllers on tasks: test seeds, scores of drawn plants, row by row into a store."""
 
 from __future__ import annotations
 
@@ -9,19 +9,201 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from baselines import CONTROLLERS, HORIZON_BOUND, ControllerFactory, find_factory, inverts_any_core
+import numpy as np
+
+from baselines import (
+    CONTROLLERS,
+    HORIZON_BOUND,
+    ControllerFactory,
+    TrueHorizon,
+    find_factory,
+    inverts_any_core,
+    make_controller,
+)
 from baselines.preview import PreviewInversion
-from benchmarks.rows import TASKS, complete
-from benchmarks.stages.unit import SUITE_VERSION, make_units, run_unit
-from benchmarks.tracking.controllers import is_learned, read_policy
-from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from rdpi_gym.envs.tasks import PUBLIC_SEED, named_task
+from benchmarks.rows import TASKS, Outcome, TaskKey, complete
+from benchmarks.tracking.controllers import (
+    code_fingerprint,
+    is_learned,
+    read_policy,
+    task_fingerprint,
+)
+from benchmarks.tracking.episode import Recording, microseconds_per_sample, one_line, play, score
+from rdpi_gym.envs.controller import Controller, certificate_of, warning_of
+from rdpi_gym.envs.tasks import PUBLIC_SEED, Lanes, StageTask, named_task
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_utf8
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, used_files
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
+
+SUITE_VERSION = 1
+"""Version of the tasks: rows of another are of other plants or another protocol."""
+SATURATED_PERCENT = 1.0
+"""Samples (%) of a reference at the end of the command's range from which on it counts as a failure."""
+SLOWEST_US = 5000.0
+"""Time of one decision (µs) from which on a controller is too slow: fifty samples of most tasks."""
+WORST_PERCENT = 100.0
+"""RMSE (%) that a plant without a finite score counts with, and the least of one that failed."""
+
+DIVERGED, SATURATED, ERROR, SLOW = "diverged", "saturated", "error", "too slow"
+PASSES = 10
+"""Passes over the same reference of a controller that ``repeats``; the last is scored."""
+PREVIEW, WHOLE, AGAIN = "preview", "whole reference", f"{PASSES} passes"
+"""Information of controllers: those with the task's preview are ranked, the others only listed."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Work of one process at a time; its rows are written when it is done."""
+
+    controller: str  # as :func:`baselines.make_controller` takes it, or the name of the bound
+    task: str  # short name of a task
+    # of the test draws, and what rows say of it
+    seed: int
+    draws: str
+    plants: tuple[int, ...]  # numbers of the plants
+    stamp: str  # hash of all that the rows depend on
+    # what makes the controller, where its name does not say
+    factory: ControllerFactory | None = None
+
+    @property
+    def keys(self) -> list[TaskKey]:
+        """Names of its rows, in their order."""
+        return [TASKS.key(_row(self, number)) for number in self.plants]
+
+
+def run_unit(unit: Unit) -> list[Row]:
+    """Score a controller on every plant; one that fails leaves rows that say so."""
+    try:
+        found = _run(unit)
+    except Exception as error:  # a user's controller may raise anything; the others go on
+        reason = f"{ERROR}: {one_line(f'{type(error).__name__}: {error}')}"
+        return [_row(unit, number) | {"failure": reason} for number in unit.plants]
+    return [_row(unit, number) | found[number] for number in unit.plants]
+
+
+def _run(unit: Unit) -> dict[int, Row]:
+    task = named_task(unit.task)
+    rows: dict[int, Row] = {}
+    for lanes in task.lanes("test", unit.plants, unit.seed):
+        timed, first = 0.0, lanes.draws[0]
+        if unit.controller != HORIZON_BOUND:
+            alone = _controller(unit, lanes)
+            timed = microseconds_per_sample(
+                alone, first.truth, lanes.layout(), first.references_um[:, 0]
+            )
+        if timed > SLOWEST_US:
+            reason = f"{SLOW}: {timed:.3g} µs a sample, at most {SLOWEST_US:g} are allowed"
+            slow = {"failure": reason} | {"microseconds_per_sample": timed}
+            rows |= {draw.number: slow for draw in lanes.draws}
+            continue
+        controller = _controller(unit, lanes)
+        taken = _passes(controller, lanes)
+        common = {"microseconds_per_sample": timed, **_statements(controller)}
+        rows |= {number: row | common for number, row in plant_scores(task, lanes, taken).items()}
+    return rows
+
+
+def _passes(controller: Any, lanes: Lanes) -> Recording:
+    """Run a controller, one that learns from pass to pass as often as it may; the last is returned."""
+    task, reference = lanes.track(lanes.layout()), lanes.references_um
+    taken = play(controller, task, reference, lanes.noises)
+    if getattr(controller, "repeats", False):
+        for _ in range(PASSES - 1):
+            controller.learn(reference, taken.measured_um, taken.command_V)
+            taken = play(controller, task, reference, lanes.noises)
+    return taken
+
+
+def _controller(unit: Unit, lanes: Lanes) -> Controller:
+    """Make what is scored: the bound alone is given the true plants, all others their belief."""
+    layout = lanes.layout()
+    if unit.controller == HORIZON_BOUND:
+        return TrueHorizon(lanes.plant(), layout)
+    return make_controller(unit.factory or unit.controller, lanes.belief, layout)
+
+
+def _statements(controller: Any) -> Row:
+    """Return what a controller states of itself."""
+    sees = WHOLE if hasattr(controller, "plan") else PREVIEW
+    return {
+        "warning": warning_of(controller),
+        "certificate": certificate_of(controller),
+        "sees": AGAIN if getattr(controller, "repeats", False) else sees,
+        "tuning_samples": int(getattr(controller, "plant_samples", 0)),
+    }
+
+
+def plant_scores(task: StageTask, lanes: Lanes, taken: Recording) -> dict[int, Row]:
+    """Return what is measured of each plant: means over its references, and why it failed."""
+    numbers = np.array(lanes.numbers)
+    every = [_lane(task, lanes, taken, b) for b in range(len(numbers))]
+    rows: dict[int, Row] = {}
+    for draw in lanes.draws:
+        own = [every[b] for b in np.flatnonzero(numbers == draw.number)]
+        reasons = [
+            f"{reason} on {name}"
+            for (_, reason), name in zip(own, draw.names, strict=True)
+            if reason
+        ]
+        scored = [one for one, _ in own if one is not None]
+        if len(scored) < len(own):
+            rows[draw.number] = {"failure": "; ".join(reasons)}
+            continue
+        percent = [one.rmse_percent for one in scored]
+        um = float(np.mean([one.rmse_um for one in scored]))
+        rows[draw.number] = {
+            "rmse_percent": float(np.mean(percent)),
+            "worst_percent": max(percent),
+            "each_percent": [float(f"{value:.6g}") for value in percent],
+            "rmse_um": um,
+            "rmse_noise": um / task.noise_um,
+            "command_variation_V_s": float(np.mean([one.command_variation_V_s for one in scored])),
+            "failure": "; ".join(reasons),
+        }
+    return rows
+
+
+def _lane(task: StageTask, lanes: Lanes, taken: Recording, b: int) -> tuple[Any, str]:
+    """Return the score of one lane, None without any, and in a word why it failed."""
+    action = taken.action[:, b]
+    if not np.isfinite(action).all():
+        return (
+            None,
+            f"{ERROR}: action at sample {int(np.argmin(np.isfinite(action)))} is not finite",
+        )
+    r = lanes.references_um[:, b]
+    with np.errstate(over="ignore", invalid="ignore"):
+        scored = score(
+            r, taken.displacement_um[:, b], taken.command_V[:, b], action,
+            first=task.first, ts_s=task.ts_s,
+        )  # fmt: skip
+    if not np.isfinite(scored.rmse_um):
+        return None, DIVERGED
+    if scored.rmse_um > np.std(r[task.first :]) or scored.rmse_percent > WORST_PERCENT:
+        return scored, DIVERGED
+    if scored.saturated_percent > SATURATED_PERCENT:
+        return scored, SATURATED
+    return scored, ""
+
+
+def _row(unit: Unit, number: int) -> Row:
+    return {
+        "controller": unit.controller,
+        "task": unit.task,
+        "draws": unit.draws,
+        "plant": number,
+        "suite": SUITE_VERSION,
+        "stamp": unit.stamp,
+    }
+
+
+PLANTS = 50
+"""Plants of a unit at most: what is done twice where a run is interrupted."""
+
 
 _LARGEST = 2**10  # bytes of a seed file
 FEWEST_DIGITS, MOST_DIGITS = 20, 40
@@ -30,22 +212,7 @@ FEWEST_DIGITS, MOST_DIGITS = 20, 40
 
 @dataclass(frozen=True)
 class TestSeed:
-    """The seed of test draws, and what tables say of it.
-
-    Parameters
-    ----------
-    seed
-        A whole number of 0 or above.
-    is_public
-        Whether it is the one that is committed; another is named by a hash alone.
-
-    Examples
-    --------
-    >>> TestSeed().label
-    'public seed 2026'
-    >>> TestSeed(12345678901234567890, is_public=False).label
-    'private seed 6ed645ef'
-    """
+    """The seed of test draws; one that is not public is named by a hash alone."""
 
     __test__ = False  # to pytest it looks like a class of tests
 
@@ -73,7 +240,7 @@ def read_seed(path: Path | None) -> TestSeed:
     return TestSeed(int(text), is_public=False)
 
 
-_OWN = ("benchmarks.stages.unit",)
+_OWN = ("benchmarks.stages.run",)
 
 
 def field() -> list[str]:
@@ -91,15 +258,6 @@ def field() -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a run."""
-
-    rows: list[Row]  # those that were asked for, the bound's among them
-    computed: int  # number of rows that were not finished before
-    notes: tuple[str, ...]  # what a reader should know, one sentence each
-
-
 def run_tasks(
     controllers: Sequence[str],
     tasks: Sequence[str],
@@ -112,33 +270,33 @@ def run_tasks(
     ray_address: str | None = None,
     factories: Mapping[str, ControllerFactory] | None = None,
     bound: bool = True,
-    kept: bool = True,
+    stamped: bool = True,
 ) -> Outcome:
     """Compute what is missing, and return every row that was asked for; an interrupted run goes on.
 
-    Rows of a folder that is not kept carry no hash of what they depend on.
+    Without `stamped` rows carry no hash of what they depend on.
     """
     drawn = TestSeed() if seed is None else seed
     names = [named_task(task).name for task in tasks]
     made = dict(factories or {})
-    asked = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
-    for name in asked:
+    entrants = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
+    for name in entrants:
         if is_learned(name):
             read_policy(name)
         elif name not in (*CONTROLLERS, *made, HORIZON_BOUND):
             find_factory(name)
-    if plants < 1 or not names or not set(asked) - {HORIZON_BOUND}:
+    if plants < 1 or not names or not set(entrants) - {HORIZON_BOUND}:
         raise InputError("nothing to score; give at least one controller, one task and one plant")
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
     units = [
-        unit
-        for task in dict.fromkeys(names)
-        for name in asked
-        for unit in make_units(
-            name, task, drawn.seed, drawn.label, range(plants),
-            _stamp(name, task, made) if kept else "", made.get(name),
+        Unit(
+            name, task, drawn.seed, drawn.label, tuple(range(plants)[first : first + PLANTS]),
+            _stamp(name, task, made) if stamped else "", made.get(name),
         )
+        for task in dict.fromkeys(names)
+        for name in entrants
+        for first in range(0, plants, PLANTS)
     ]  # fmt: skip
     store, notes = TASKS.open(out), list[str]()
     stamps = {k: unit.stamp for unit in units for k in unit.keys}

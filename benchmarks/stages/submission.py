@@ -7,7 +7,6 @@ import math
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,12 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from baselines import policy_of
-from benchmarks.rows import TASKS, TaskKey
-from benchmarks.stages.run import TestSeed, run_tasks
-from benchmarks.stages.tables import TaskScores
-from benchmarks.stages.unit import SUITE_VERSION
-from benchmarks.tracking.controllers import is_learned
-from benchmarks.tracking.fingerprint import code_fingerprint
+from benchmarks.rows import TASKS
+from benchmarks.stages.ranking import TaskScores
+from benchmarks.stages.run import SUITE_VERSION, TestSeed, run_tasks
+from benchmarks.tracking.controllers import code_fingerprint, is_learned
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
@@ -46,31 +43,16 @@ _LARGEST_CODE = 2**28  # bytes of a file, as those of a policy's weights
 
 @dataclass(frozen=True)
 class Submission:
-    """What a folder says.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-    controller
-        As it was named where it was submitted.
-    code
-        Name of the copy in the folder; empty for a controller of this package.
-    hash
-        Of that copy, or of this package's code.
-    tasks, plants
-        What it was scored on, with the public seed.
-    command
-        The command that made it.
-    """
+    """Content of a submission's folder."""
 
     folder: Path
-    controller: str
-    code: str
-    hash: str
+    controller: str  # as it was named where it was submitted
+    code: str  # name of the copy in the folder; empty for a controller of this package
+    hash: str  # of that copy, or of this package's code
+    # what it was scored on, with the public seed
     tasks: tuple[str, ...]
     plants: int
-    command: str
+    command: str  # that made it
 
     @property
     def runs_as(self) -> str:
@@ -148,15 +130,24 @@ def read_submission(folder: Path) -> Submission:
         )
     rows, wanted = TASKS.open(folder).rows, len(entry.tasks) * entry.plants
     # of any number that the file says, no more are looked for than rows are there
-    missing = next((k for k in _keys(entry) if k not in rows), None)
+    label = TestSeed().label
+    missing = next(
+        (
+            (task, plant)
+            for task in entry.tasks
+            for plant in range(entry.plants)
+            if (entry.controller, task, label, plant) not in rows
+        ),
+        None,
+    )
     if missing is not None:
-        label, there = TestSeed().label, set(entry.tasks)
+        there = set(entry.tasks)
         found = sum(
             (name, draws) == (entry.controller, label) and task in there and plant < entry.plants
             for name, task, draws, plant in rows
         )
         raise InputError(
-            f"{folder} lacks {wanted - found} of {wanted} rows, the first that of task {missing[1]}, plant {missing[3]}; run its command again: {short(entry.command)}"
+            f"{folder} lacks {wanted - found} of {wanted} rows, the first that of task {missing[0]}, plant {missing[1]}; run its command again: {short(entry.command)}"
         )
     return entry
 
@@ -198,13 +189,6 @@ def score_submission(
         for row in outcome.rows
     ]
     return TaskScores(tuple(renamed), seed.label, outcome.computed, tuple(notes))
-
-
-def _keys(entry: Submission) -> Iterator[TaskKey]:
-    label = TestSeed().label
-    for task in entry.tasks:
-        for plant in range(entry.plants):
-            yield entry.controller, task, label, plant
 
 
 def _is_same(row: Row, stated: Row) -> bool:

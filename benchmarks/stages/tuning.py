@@ -21,7 +21,7 @@ from baselines.tuning import (
     write_tunings,
 )
 from benchmarks.stages.ranking import interquartile_mean, ninetieth
-from benchmarks.stages.unit import WORST_PERCENT, plant_scores
+from benchmarks.stages.run import WORST_PERCENT, plant_scores
 from benchmarks.tracking.episode import play
 from rdpi_gym.envs.controller import Controller, certificate_of, warning_of
 from rdpi_gym.envs.layout import ObservationLayout
@@ -111,28 +111,28 @@ def tune(
 ) -> Tuned:
     """Find settings of a controller on training draws of a task; the same call goes on with a search."""
     knobs = _knobs(name)
-    asked = named_task(task)
+    target = named_task(task)
     for what, value in (("trials", trials), ("plants", plants)):
         if not is_whole(value, 1):
             raise InputError(f"{what} is {shown(value)}; give a whole number of 1 or more")
     path = out / f"{name}.json"
     known = read_tunings(path, name, knobs) if path.exists() else {}
-    study = _study(name, asked, out, seed, plants, knobs)
-    spent = _search(study, name, asked, trials, seed, plants, progress or silent)
-    settings, scored, before, after = _chosen(study, name, asked, knobs)
-    belief = asked.belief()
+    study = _study(name, target, out, seed, plants, knobs)
+    spent = _search(study, name, target, trials, seed, plants, progress or silent)
+    settings, scored, before, after = _chosen(study, name, target, knobs)
+    belief = target.belief()
     tuning = Tuning(
         settings,
         tuple(sorted(effect.name for effect in belief.effects)),
-        f"rdpi tune {name} --task {asked.name} --trials {trials} --plants {plants} --seed {seed}",
+        f"rdpi tune {name} --task {target.name} --trials {trials} --plants {plants} --seed {seed}",
         seed,
         spent + (1 + FINALISTS) * before.plant_samples,
         scored,
     )
-    write_tunings(path, name, known | {asked.name: tuning})
-    made = _made(name, settings, belief, asked.layout())
-    said = certificate_of(made), warning_of(made)
-    return Tuned(name, asked.name, tuning, _done(study), before, after, *said, path)
+    write_tunings(path, name, known | {target.name: tuning})
+    made = _made(name, settings, belief, target.layout())
+    statements = certificate_of(made), warning_of(made)
+    return Tuned(name, target.name, tuning, _done(study), before, after, *statements, path)
 
 
 def _chosen(
@@ -166,11 +166,11 @@ def _chosen(
 
 def certified(name: str, task: str) -> str:
     """Return what is known of a controller on a task's belief before it drives anything, one line."""
-    asked = named_task(task)
-    made = make_controller(name, asked.belief(), asked.layout())
+    target = named_task(task)
+    made = make_controller(name, target.belief(), target.layout())
     warned = warning_of(made)
-    said = f"{name} on {asked.name}, certificate: {certificate_of(made) or 'none'}"
-    return f"{said}; warning: {warned}" if warned else said
+    line = f"{name} on {target.name}, certificate: {certificate_of(made) or 'none'}"
+    return f"{line}; warning: {warned}" if warned else line
 
 
 def figures(

@@ -18,38 +18,16 @@ FEWEST_SAMPLES, MOST_SAMPLES = 20, 20_000
 
 @dataclass(frozen=True)
 class Case:
-    """A reference signal and the part of it that is scored.
+    """A reference signal and the part of it that is scored."""
 
-    Parameters
-    ----------
-    reference
-        Its name in :data:`benchmarks.tracking.stages.REFERENCES`.
-    frequency_hz
-        Sine, triangle: frequency; raster: line rate; steps: levels per second; nested loops: that
-        of the major loop; multisine, noise: the highest line (Hz).
-    signal
-        The signal about 0 µm; it starts smoothly within `start_s`.
-    start_s
-        Time (s) of the smooth start, which is not scored.
-    period_s
-        Time (s) after which the signal repeats.
-    periods
-        Whole periods that are scored.
-
-    Examples
-    --------
-    >>> from rdpi_gym.signals import Sine
-    >>> case = Case.smooth(Sine(amplitude_um=10.0, frequency_hz=50.0), 50.0, start_s=0.02, periods=8)
-    >>> case.name, case.window(1e-3)
-    ('sine 50 Hz', (20, 180))
-    """
-
-    reference: str
+    reference: str  # name in :data:`benchmarks.tracking.stages.REFERENCES`
+    # sine, triangle: frequency; raster: line rate; steps: levels per second; nested loops: that of
+    # the major loop; multisine, noise: the highest line (Hz)
     frequency_hz: float
-    signal: Signal
-    start_s: float
-    period_s: float
-    periods: int
+    signal: Signal  # about 0 µm; it starts smoothly within `start_s`
+    start_s: float  # time of the smooth start, which is not scored
+    period_s: float  # time after which the signal repeats
+    periods: int  # whole periods that are scored
 
     @classmethod
     def smooth(cls, signal: Signal, frequency_hz: float, start_s: float, periods: int) -> Case:

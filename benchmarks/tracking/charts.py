@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -128,13 +128,12 @@ def _interval(means: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
 
 
 def marked_names(ranking: pd.DataFrame) -> list[str]:
-    """Name the controllers with their ranks, each with its status below where that is not "ok"."""
-    names = []
-    for row in ranking.to_dict("records"):
-        name = f"{row.get('rank', '')} {row['controller']}".strip()
-        status = str(row.get("status", "ok")).removeprefix("bound").removeprefix(", ")
-        names.append(name if status in ("ok", "") else f"{name}\n({status})")
-    return names
+    """Name the controllers with their ranks, each with its cautions below where it has any."""
+    columns = (ranking[name] for name in ("rank", "controller", "cautions"))
+    return [
+        f"{rank} {controller}" + ("" if cautions == "ok" else f"\n({cautions})")
+        for rank, controller, cautions in zip(*columns, strict=True)
+    ]
 
 
 def ranking_range(ranking: pd.DataFrame) -> tuple[float, float]:
@@ -163,12 +162,23 @@ def off_axis(
 
 def frequency_charts(by_case: pd.DataFrame, order: Sequence[str]) -> dict[str, Chart]:
     """Draw the error over the sines' frequency, a chart for each plant and sampling time."""
-    sines = by_case[by_case["reference"] == "sine"]
+    return _by_setting(by_case[by_case["reference"] == "sine"], order, _frequency_panel)
+
+
+def effort_charts(by_sampling_time: pd.DataFrame, order: Sequence[str]) -> dict[str, Chart]:
+    """Draw the error over the command's effort, a chart for each plant and sampling time."""
+    return _by_setting(by_sampling_time, order, _effort_panel)
+
+
+def _by_setting(
+    rows: pd.DataFrame,
+    order: Sequence[str],
+    draw: Callable[[pd.DataFrame, Sequence[str]], Panel],
+) -> dict[str, Chart]:
+    height = 520 + 8 * len(order)
     return {
-        _setting(plant, ts): Chart(
-            [_frequency_panel(part, order)], 520 + 8 * len(order), legend="below"
-        )
-        for (plant, ts), part in sines.groupby(["plant", "ts_s"], sort=False)
+        _setting(plant, ts): Chart([draw(part, order)], height, legend="below")
+        for (plant, ts), part in rows.groupby(["plant", "ts_s"], sort=False)
     }
 
 
@@ -190,27 +200,21 @@ def _frequency_panel(sines: pd.DataFrame, order: Sequence[str], title: str = "")
     return Panel(lines, x, Axis(_RMSE, log=True), title)
 
 
-def effort_charts(by_sampling_time: pd.DataFrame, order: Sequence[str]) -> dict[str, Chart]:
-    """Draw the error over the command's effort, a chart for each plant and sampling time."""
-    charts = {}
-    for (plant, ts), part in by_sampling_time.groupby(["plant", "ts_s"], sort=False):
-        points = []
-        for name in order:
-            point = part[part["controller"] == name]
-            colour, symbol, feedback = look(name)
-            if not point.empty:
-                points.append(
-                    Series(
-                        point["command_total_variation"], point["rmse_percent"], name, colour, None,
-                        marker=f"{symbol}-open" if feedback else symbol, size=11.0, edge=2.0, tagged=True,
-                        hover="effort %{x:.3g}, error %{y:.3g} %",
-                    )
-                )  # fmt: skip
-        x = Axis("Command's total variation / smallest that tracks", log=True)
-        charts[_setting(plant, ts)] = Chart(
-            [Panel(points, x, Axis(_RMSE, log=True))], 520 + 8 * len(order), legend="below"
-        )
-    return charts
+def _effort_panel(rows: pd.DataFrame, order: Sequence[str]) -> Panel:
+    points = []
+    for name in order:
+        point = rows[rows["controller"] == name]
+        colour, symbol, feedback = look(name)
+        if not point.empty:
+            points.append(
+                Series(
+                    point["command_total_variation"], point["rmse_percent"], name, colour, None,
+                    marker=f"{symbol}-open" if feedback else symbol, size=11.0, edge=2.0, tagged=True,
+                    hover="effort %{x:.3g}, error %{y:.3g} %",
+                )
+            )  # fmt: skip
+    x = Axis("Command's total variation / smallest that tracks", log=True)
+    return Panel(points, x, Axis(_RMSE, log=True))
 
 
 def _setting(plant: object, ts_s: Any) -> str:

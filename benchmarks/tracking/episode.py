@@ -1,15 +1,19 @@
-"""One controller on lanes of tracking problems, all side by side, recorded sample by sample."""
+"""One controller on lanes of tracking problems, recorded sample by sample, and the scores of a run."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from benchmarks.tracking.case import Case
+from benchmarks.tracking.stages import COVERED
 from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.envs.controller import Controller, warning_of
 from rdpi_gym.envs.tracking import NoiseSource
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
@@ -96,3 +100,164 @@ def microseconds_per_sample(
         observation = task.step(layout.place_to_V(action))
         starts = np.zeros(1, dtype=bool)
     return 1e6 * float(np.median(spent))
+
+
+def timed_recording(
+    make: Callable[[Sequence[PlantModel]], Controller],
+    truths: Sequence[PlantModel],
+    layout: ObservationLayout,
+    references_um: Array,
+    rngs: Sequence[np.random.Generator],
+) -> tuple[Recording, str | None, float]:
+    """Run a controller on B plants; with its warning, and its time for a decision (µs) on the first."""
+    timed = microseconds_per_sample(make(truths[:1]), truths[0], layout, references_um[:, 0])
+    controller = make(truths)
+    recording = record(controller, truths, layout, references_um, rngs)
+    return recording, warning_of(controller), timed
+
+
+ERROR, DIVERGED, UNSTABLE, SATURATED, EXTRAPOLATED, WARNED = (
+    "error", "diverged", "unstable", "saturated", "extrapolated", "warned",
+)  # fmt: skip
+MEANING = {
+    ERROR: "the controller raised an error or answered with NaN; the row has no numbers",
+    DIVERGED: "the error is larger than that of standing still",
+    UNSTABLE: "the controller says that it is outside its stability limit",
+    SATURATED: "some samples of the action lie at the end of the command range",
+    EXTRAPOLATED: f"the command is faster than {COVERED:g} times the fastest that the plant was "
+    "identified with, so the plant itself is a guess there",
+    WARNED: "the controller says something else of itself",
+}
+"""First words of a status, worst first, and their meaning."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Scores of one run over its scored samples."""
+
+    # root mean square and largest tracking error (µm)
+    rmse_um: float
+    # the same in percent of the reference's peak to peak
+    rmse_percent: float
+    max_um: float
+    max_percent: float
+    command_variation_V_s: float  # total variation of the command per second (V/s)
+    max_command_step_V: float  # largest change of the command from one sample to the next (V)
+    # samples (%) whose action lies at the end of the command range or beyond
+    saturated_percent: float
+
+
+def score(
+    reference_um: Array,
+    displacement_um: Array,
+    command_V: Array,
+    action: Array,
+    *,
+    first: int,
+    ts_s: float,
+) -> Score:
+    """Score one run from sample `first` on."""
+    reference = reference_um[first:]
+    error = displacement_um[first:] - reference
+    to_percent = 100.0 / np.ptp(reference)
+    steps = np.abs(np.diff(command_V[first - 1 :]))
+    rmse, largest = np.sqrt(np.mean(error**2)), np.abs(error).max()
+    return Score(
+        float(rmse),
+        float(rmse * to_percent),
+        float(largest),
+        float(largest * to_percent),
+        float(steps.sum() / (ts_s * steps.size)),
+        float(steps.max()),
+        float(100.0 * np.mean(np.abs(action[first:]) >= 1.0)),
+    )
+
+
+@dataclass(frozen=True)
+class Caution:
+    """One thing to beware of."""
+
+    word: str  # a key of `MEANING`
+    text: str  # what it is here
+
+    def __str__(self) -> str:
+        return f"{self.word}: {self.text}"
+
+
+def cautions(
+    scored: Score,
+    reference_um: Array,
+    *,
+    warning: str | None,
+    ts_s: float,
+    identified_V_s: float | None,
+) -> tuple[Caution, ...]:
+    """Return what a score alone does not say: what to beware of."""
+    found = []
+    if warning:
+        word = UNSTABLE if "stability limit" in warning else WARNED
+        found.append(Caution(word, one_line(warning)))
+    if scored.rmse_um > np.std(reference_um):
+        found.append(Caution(DIVERGED, "the error is larger than that of standing still"))
+    if scored.saturated_percent > 0.0:
+        share = f"{scored.saturated_percent:.3g} %"
+        found.append(Caution(SATURATED, f"{share} of the samples at the end of the command range"))
+    rate = scored.max_command_step_V / ts_s
+    if identified_V_s is not None and rate > COVERED * identified_V_s:
+        text = f"command rate up to {rate:.3g} V/s, the plant was identified up to {identified_V_s:.3g} V/s"
+        found.append(Caution(EXTRAPOLATED, text))
+    return tuple(found)
+
+
+def status(
+    scored: Score,
+    reference_um: Array,
+    *,
+    warning: str | None,
+    ts_s: float,
+    identified_V_s: float | None,
+) -> str:
+    """Return the status of a score: ``ok``, or its cautions in words."""
+    found = cautions(
+        scored, reference_um, warning=warning, ts_s=ts_s, identified_V_s=identified_V_s
+    )
+    return "; ".join(map(str, found)) or "ok"
+
+
+def score_lane(
+    case: Case,
+    ts_s: float,
+    references_um: Array,
+    recording: Recording,
+    lane: int,
+    *,
+    warning: str | None,
+    identified_V_s: float | None,
+) -> tuple[Score, str]:
+    """Return the score of one lane of a recording, and its status."""
+    first, end = case.window(ts_s)
+    parts = (references_um, recording.displacement_um, recording.command_V, recording.action)
+    r, y, u, action = (part[:end, lane] for part in parts)
+    scored = score(r, y, u, action, first=first, ts_s=ts_s)
+    return scored, status(
+        scored, r[first:], warning=warning, ts_s=ts_s, identified_V_s=identified_V_s
+    )
+
+
+def one_line(text: object) -> str:
+    r"""Fold any text to one part of a status: one line of at most 200 characters, no semicolon."""
+    folded = " ".join(str(text).replace(";", ",").split())
+    return folded if len(folded) <= 200 else f"{folded[:199]}…"
+
+
+def words(statuses: Sequence[str]) -> set[str]:
+    """Return the short words that statuses begin their parts with."""
+    parts = {part.split(":")[0] for text in statuses for part in text.split("; ")}
+    return parts - {"ok"}
+
+
+def tally(statuses: Sequence[str]) -> str:
+    """Count the rows with each word in their status, worst first; ``ok`` where there is none."""
+    counts = Counter(word for text in statuses for word in words([text]))
+    shares = [f"{word} {counts[word]}/{len(statuses)}" for word in MEANING if counts[word]]
+    return ", ".join(shares) or "ok"

@@ -1,28 +1,229 @@
-"""Everything that the tables, the page and the picture of a run are made of."""
+"""Evaluation of a run: table of scores, rankings with confidence intervals over seeds, notes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
+from baselines import FULL_PREVIEW
+from benchmarks.rows import TRACKING, Outcome
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
-from benchmarks.tracking.leaderboard import (
-    CASE,
-    CONFIDENCE,
-    by_case,
-    by_sampling_time,
-    ranking,
-    score_table,
-)
-from benchmarks.tracking.measured import MeasuredScores, no_scores, score_measured
-from benchmarks.tracking.run import Outcome
+from benchmarks.tracking.episode import tally
+from benchmarks.tracking.measured import MeasuredScores, score_measured
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import cases
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import number
+
+COLUMNS = (
+    "controller", "plant", "belief", "reference", "frequency_hz", "ts_s", "seed",
+    "rmse_um", "rmse_percent", "max_um", "max_percent",
+    "command_total_variation", "max_command_step_V", "saturated_percent",
+    "optimality_gap", "microseconds_per_sample", "status",
+)  # fmt: skip
+RANKING = (
+    "rank", "controller", "rmse_percent", "rmse_percent_low", "rmse_percent_high", "rmse_um",
+    "status", "optimality_gap", "optimality_gap_low", "optimality_gap_high",
+    "seed_0_rmse_percent", "mean_rank", "mean_rank_half_width", "places",
+    "command_total_variation", "microseconds_per_sample", "rows", "errors",
+)  # fmt: skip
+"""Columns of a ranking as ``ranking.csv`` has them; ``cautions`` beside them is the status of a bound too."""
+CASE = ["plant", "reference", "frequency_hz", "ts_s"]
+CONFIDENCE = 0.95
+_EFFORT = "command_total_variation"
+
+
+def score_table(rows: Sequence[Row]) -> pd.DataFrame:
+    """Relate every row to the bound's on the same truth."""
+    bound = {TRACKING.key(row)[1:]: row for row in rows if row["controller"] == FULL_PREVIEW}
+    table = []
+    for row in rows:
+        best = bound.get(TRACKING.key(row)[1:], {})
+        table.append(
+            row
+            | {
+                "command_total_variation": _ratio(row, best, "command_variation_V_s"),
+                "optimality_gap": _ratio(row, best, "rmse_um"),
+            }
+        )
+    return pd.DataFrame(table, columns=list(COLUMNS))
+
+
+def _ratio(row: Row, best: Row, name: str) -> float:
+    value, least = row.get(name), best.get(name)
+    return float(value / least) if value is not None and least else float("nan")
+
+
+def interval(draws: Array) -> tuple[float, float]:
+    """Mean and half-width of its confidence interval by Student's t, NaN below two draws."""
+    n = len(draws)
+    if n < 2:
+        return float(np.mean(draws)), float("nan")
+    t = stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)
+    return float(np.mean(draws)), float(t * np.std(draws, ddof=1) / np.sqrt(n))
+
+
+def ranged(frame: pd.DataFrame, column: str, digits: int = 3, stem: str = "") -> list[str]:
+    """Write a column of means, each with its interval in brackets where it has one.
+
+    The ends of the interval are the columns `stem`, by default `column`, with ``_low`` and ``_high``.
+    """
+    ends = (frame[f"{stem or column}{end}"] for end in ("_low", "_high"))
+    return [
+        f"{number(mean)} ({number(low, digits)} to {number(high, digits)})"
+        if np.isfinite(low)
+        else number(mean)
+        for mean, low, high in zip(frame[column], *ends, strict=True)
+    ]
+
+
+def ranking_view(ranked: pd.DataFrame) -> pd.DataFrame:
+    """Return the ranking with the columns and headings that a reader sees."""
+    return pd.DataFrame(
+        {
+            "rank": ranked["rank"],
+            "controller": ranked["controller"],
+            "RMSE (%)": ranged(ranked, "rmse_percent"),
+            "RMSE (µm)": ranked["rmse_um"],
+            "status": ranked["status"],
+            "RMSE, seed 0 (%)": ranked["seed_0_rmse_percent"],
+            "optimality gap": ranged(ranked, "optimality_gap"),
+            "mean rank": ranked["mean_rank"],
+            "places": ranked["places"],
+            "command variation": ranked["command_total_variation"],
+            "µs per sample": ranked["microseconds_per_sample"],
+            "rows": ranked["rows"],
+        }
+    )
+
+
+def drawn(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of drawn truths: seed 0, the nominal plant, only where it is alone."""
+    rows = table[table["seed"] != 0]
+    return table if rows.empty else rows
+
+
+def ranking(table: pd.DataFrame) -> pd.DataFrame:
+    """Rank the controllers by the geometric mean of their RMSE (%) over all cases.
+
+    The mean is taken for each seed, as are those of the RMSE (µm) and of the optimality gaps, and
+    the mean rank (by RMSE within each case, the bound aside; a row with an error is last). Each is
+    given as the mean over the drawn seeds, with its confidence interval.
+
+    Two controllers are tied where the confidence interval of their paired difference includes zero:
+    that of the mean, over the drawn seeds, of the difference of the logarithms of their geometric
+    means, by Student's t. The bound has no rank.
+    """
+    rivals = table[table["controller"] != FULL_PREVIEW]
+    errors = rivals["rmse_um"].fillna(np.inf)
+    ranks = errors.groupby([rivals[name] for name in [*CASE, "seed"]]).rank(method="average")
+    table = table.assign(case_rank=ranks)
+    lines = [_line(str(name), rows) for name, rows in table.groupby("controller", sort=False)]
+    ranked = pd.DataFrame(lines, columns=[*RANKING, "cautions"]).sort_values(
+        ["rmse_percent", "mean_rank"], na_position="last", ignore_index=True
+    )
+    labels = _labels(rivals, [str(name) for name in ranked["controller"]])
+    for column in ("rank", "places"):
+        ranked[column] = [labels[name][column] for name in ranked["controller"]]
+    return ranked
+
+
+def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
+    draws, nominal = drawn(rows), rows[rows["seed"] == 0]
+    rank, rank_half = interval(draws.groupby("seed")["case_rank"].mean().to_numpy())
+    status = cautions = tally(rows["status"].tolist())
+    if controller == FULL_PREVIEW:
+        status = "bound" if cautions == "ok" else f"bound, {cautions}"
+    return _means(draws, "rmse_percent", "rmse_um", "optimality_gap", _EFFORT) | {
+        "controller": controller,
+        "status": status,
+        "cautions": cautions,
+        "seed_0_rmse_percent": _means(nominal, "rmse_percent")["rmse_percent"],
+        "mean_rank": rank,
+        "mean_rank_half_width": rank_half,
+        "microseconds_per_sample": float(rows["microseconds_per_sample"].median()),
+        "rows": len(rows),
+        "errors": int(rows["rmse_um"].isna().sum()),
+    }
+
+
+def _labels(rivals: pd.DataFrame, order: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Rank and places of every controller, from paired differences over the drawn seeds."""
+    logs = _log_means(drawn(rivals), "rmse_percent", ["seed", "controller"]).unstack()
+    names = [name for name in order if name in logs.columns and logs[name].notna().all()]
+    n = len(names)
+    worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
+    tied = ~(worse | worse.T) if n else worse
+    labels = {name: {"rank": "–", "places": "–"} for name in order}
+    labels[FULL_PREVIEW] = {"rank": "bound", "places": "–"}
+    first = 0
+    for i, name in enumerate(names):
+        if not tied[:i, i:].any():
+            first = i
+        last = next((k for k in range(i + 1, n) if not tied[:k, k:].any()), n)
+        best, worst = 1 + int(worse[i].sum()), n - int(worse[:, i].sum())
+        labels[name] = {
+            "rank": f"{first + 1}{'=' if last - first > 1 else ''}",
+            "places": f"{best} to {worst}" if best < worst else f"{best}",
+        }
+    return labels
+
+
+def exceeds(differences: ArrayLike) -> bool:
+    """Whether paired differences, one a seed, are above zero with all of their confidence interval.
+
+    One seed tells nothing of chance: there the difference itself counts.
+    """
+    mean, half = interval(np.asarray(differences, dtype=np.float64))
+    return mean > (half if np.isfinite(half) else 0.0)
+
+
+def _log_means(rows: pd.DataFrame, column: str, by: Sequence[str]) -> pd.Series[float]:
+    """Mean logarithm over the cases; a row without numbers must not make it better: it is missing."""
+    with np.errstate(divide="ignore"):
+        logs = np.log(rows[column])
+    groups = logs.groupby([rows[name] for name in by])
+    means: pd.Series[float] = groups.agg(lambda values: values.mean(skipna=False))
+    return means
+
+
+def _means(rows: pd.DataFrame, *columns: str) -> dict[str, float]:
+    """Geometric means of columns over the cases and seeds, each with its confidence interval."""
+    found = {}
+    for column in columns:
+        by_seed = np.asarray(_log_means(rows, column, ["seed"]), dtype=np.float64)
+        mean, half = interval(by_seed) if len(by_seed) else (np.nan, np.nan)
+        for name, log in (("", mean), ("_low", mean - half), ("_high", mean + half)):
+            found[f"{column}{name}"] = float(np.exp(log))
+    return found
+
+
+def by_case(table: pd.DataFrame) -> pd.DataFrame:
+    """Summarise every controller and case: geometric means over the drawn seeds."""
+    names = ["controller", *CASE]
+    columns = ["rmse_percent", "rmse_percent_low", "rmse_percent_high", _EFFORT, "rmse_um"]
+    status = table.groupby(names, sort=False)["status"].agg(lambda rows: tally(rows.tolist()))
+    return _summary(table, names, columns).merge(status.reset_index(), on=names)
+
+
+def by_sampling_time(table: pd.DataFrame) -> pd.DataFrame:
+    """Summarise every controller, plant and sampling time: geometric means over the drawn seeds."""
+    return _summary(table, ["controller", "plant", "ts_s"], ["rmse_percent", _EFFORT])
+
+
+def _summary(table: pd.DataFrame, names: list[str], columns: list[str]) -> pd.DataFrame:
+    lines = [
+        dict(zip(names, values, strict=True)) | _means(rows, "rmse_percent", "rmse_um", _EFFORT)
+        for values, rows in drawn(table).groupby(names, sort=False)
+    ]
+    return pd.DataFrame(lines, columns=[*names, *columns])
+
 
 MEASURED_PLANT = "picma"
 
@@ -40,7 +241,7 @@ class Evaluation:
     table
         Their scores, as ``leaderboard.csv`` holds them.
     ranking, by_case, by_sampling_time, where_trained
-        Summaries, see :mod:`benchmarks.tracking.leaderboard`. Only `by_case` holds the cases beyond
+        Summaries, see :mod:`benchmarks.tracking.evaluation`. Only `by_case` holds the cases beyond
         a plant's identification, marked in its column ``extrapolated``. The ranking is over the same
         cases whatever policies there are. `where_trained` are rankings of all controllers over the
         cases of one sampling time (s) each: those of trained policies, which run at no other.
@@ -93,18 +294,18 @@ class Evaluation:
         if rivals is None:
             return "No controller finished every case, so none is ranked."
         best = rivals.iloc[0]
-        said = (
+        sentence = (
             f"Smallest error: {best['controller']}, RMSE {number(best['rmse_percent'])} % of peak to peak "
             f"({number(best['rmse_um'])} µm)"
         )
         if np.isfinite(best["rmse_percent_low"]):
-            said += (
+            sentence += (
                 f", {100 * CONFIDENCE:g} % interval {number(best['rmse_percent_low'])} to "
                 f"{number(best['rmse_percent_high'])} %"
             )
         tied = [str(n) for n in rivals.loc[rivals["rank"] == best["rank"], "controller"].iloc[1:]]
-        said += f"; status {best['status']}."
-        return said + (f" Tied with it: {', '.join(tied)}." if tied else "")
+        sentence += f"; status {best['status']}."
+        return sentence + (f" Tied with it: {', '.join(tied)}." if tied else "")
 
 
 def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
@@ -127,7 +328,7 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
             selection.controllers, plants[MEASURED_PLANT], selection.factories
         )
     else:
-        measured = no_scores(
+        measured = MeasuredScores(
             f"No scores on measured records: the plant {MEASURED_PLANT} is not among those scored."
         )
     return Evaluation(
@@ -142,7 +343,6 @@ def evaluate(selection: Selection, outcome: Outcome) -> Evaluation:
         (
             *selection.notes,
             *_where_they_run(selection),
-            *_where_they_suit(selection),
             *left_out(selection),
             *_unranked(beyond),
         ),
@@ -194,47 +394,34 @@ def _unranked(beyond: list[tuple[str, str, float, float]]) -> list[str]:
 
 def _in_ranking(selection: Selection, counted: pd.DataFrame) -> pd.DataFrame:
     """Return the rows that the ranking is over: no policy that ran in a part of the cases only."""
+    ranked = {name for name in selection.controllers if selection.is_ranked(name)}
     times = {stage.plant.name: stage.ts_s for stage in selection.stages}
-    ranked = [name for name in selection.controllers if selection.is_ranked(name)]
-    kept = [
-        name in ranked and ts in times[plant]
-        for name, plant, ts in counted[["controller", "plant", "ts_s"]].itertuples(index=False)
-    ]
-    return counted.loc[kept]
+    rows = counted[["controller", "plant", "ts_s"]].itertuples(index=False)
+    return counted.loc[[name in ranked and ts in times[plant] for name, plant, ts in rows]]
 
 
 def _where_trained(selection: Selection, counted: pd.DataFrame) -> dict[float, pd.DataFrame]:
-    own_s = {
-        ts: [name for name, own in selection.trained_s.items() if own == ts]
-        for ts in sorted(set(selection.trained_s.values()))
-    }
-    return {
-        ts: ranking(counted[np.isclose(counted["ts_s"], ts)])
-        for ts, names in own_s.items()
-        if not all(selection.is_ranked(name) for name in names)
-    }
+    """Return the rankings at the sampling times (s) of policies that are not in the main one."""
+    apart = {ts for name, ts in selection.trained_s.items() if not selection.is_ranked(name)}
+    return {ts: ranking(counted[np.isclose(counted["ts_s"], ts)]) for ts in sorted(apart)}
 
 
-def _where_they_run(selection: Selection) -> tuple[str, ...]:
-    """Say of the policies that are not in the ranking where they are ranked."""
+def _where_they_run(selection: Selection) -> Iterator[str]:
+    """State of what is not in the ranking where it runs: policies, and controllers of another core."""
     apart = {n: ts for n, ts in selection.trained_s.items() if not selection.is_ranked(n)}
-    return tuple(
-        f"Ranked at Ts = {ts:g} s only, where they were trained and can run: "
-        f"{', '.join(name for name, own in apart.items() if own == ts)}; on "
-        f"{', '.join(stage.plant.name for stage in selection.stages if ts in stage.every_ts_s)}."
-        for ts in sorted(set(apart.values()))
-    )
-
-
-def _where_they_suit(selection: Selection) -> tuple[str, ...]:
-    """Say which controllers are not in the ranking since some plants have another core than theirs."""
-    apart: dict[tuple[str, ...], list[str]] = {}
+    for ts in sorted(set(apart.values())):
+        yield (
+            f"Ranked at Ts = {ts:g} s only, where they were trained and can run: "
+            f"{', '.join(name for name, own in apart.items() if own == ts)}; on "
+            f"{', '.join(s.plant.name for s in selection.stages if ts in s.every_ts_s)}."
+        )
+    unsuited: dict[tuple[str, ...], list[str]] = {}
     for name in selection.controllers:
         on = tuple(s.plant.name for s in selection.stages if selection.suits(name, s))
         if len(on) < len(selection.stages):
-            apart.setdefault(on, []).append(name)
-    return tuple(
-        f"Not in the ranking, since they invert another core than some of the plants have, and run on "
-        f"{', '.join(on)} only: {', '.join(names)}."
-        for on, names in apart.items()
-    )
+            unsuited.setdefault(on, []).append(name)
+    for on, names in unsuited.items():
+        yield (
+            "Not in the ranking, since they invert another core than some of the plants have, and "
+            f"run on {', '.join(on)} only: {', '.join(names)}."
+        )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from baselines import FULL_PREVIEW, ControllerFactory, make_controller
 from benchmarks.tracking.controllers import Made, is_learned
-from benchmarks.tracking.scoring import ERROR, one_line
+from benchmarks.tracking.episode import ERROR, one_line
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.measurement import Dataset, Record, example_folder, load
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -35,12 +36,12 @@ SHOWN_S = 3.0
 class MeasuredScores:
     """The feedforwards on measured records."""
 
+    note: str  # how they were made, or why there are none
     # columns :data:`COLUMNS`: difference between command and applied voltage (V, percent of the
     # applied peak to peak), the same times the local gain (µm), and the sensor's zero (µm)
-    table: pd.DataFrame
+    table: pd.DataFrame = field(default_factory=partial(pd.DataFrame, columns=list(COLUMNS)))
     # of each record, its last seconds: time (s), applied voltage and each command (V)
-    traces: dict[str, dict[str, Array]]
-    note: str  # why there are none, or how they were made
+    traces: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 
 def score_measured(
@@ -55,11 +56,6 @@ def score_measured(
     applied voltage. It is taken out of the displacement before a controller sees it.
     """
     return score_records(load(example_folder("picma")), controllers, belief, factories)
-
-
-def no_scores(note: str) -> MeasuredScores:
-    """Return no scores, and a sentence that says why."""
-    return MeasuredScores(pd.DataFrame(columns=list(COLUMNS)), {}, note)
 
 
 def score_records(
@@ -104,7 +100,7 @@ def score_records(
                 rows.append(row | {"status": f"{ERROR}: {reason}"})
         traces[record.name] = shown
     note = f"Records: {', '.join(traces)} of {data.title}."
-    return MeasuredScores(pd.DataFrame(rows, columns=list(COLUMNS)), traces, note)
+    return MeasuredScores(note, pd.DataFrame(rows, columns=list(COLUMNS)), traces)
 
 
 def _sensor_zero(belief: PlantModel, record: Record, counted: BoolArray) -> float:

@@ -1,11 +1,13 @@
-"""The benchmark: what was asked for, computed on all cores, row by row into a store."""
+"""Run of the tracking benchmark on all cores, row by row into a store."""
 
 from __future__ import annotations
 
 import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,16 +21,20 @@ from baselines import (
     FullPreviewInversion,
     make_controller,
 )
-from benchmarks.rows import TRACKING, TrackingKey, complete
+from benchmarks.rows import TRACKING, Outcome, TrackingKey, complete
 from benchmarks.tracking.case import Case
-from benchmarks.tracking.controllers import Made
-from benchmarks.tracking.episode import Recording, microseconds_per_sample, record
-from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import ERROR, one_line, score_lane, words
+from benchmarks.tracking.controllers import Made, code_fingerprint, task_fingerprint
+from benchmarks.tracking.episode import (
+    ERROR,
+    Recording,
+    one_line,
+    score_lane,
+    timed_recording,
+    words,
+)
 from benchmarks.tracking.selection import Selection
 from benchmarks.tracking.stages import Stage, largest_rate_V_s, truth
 from rdpi_gym.envs import ObservationLayout
-from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -59,7 +65,7 @@ class Task:
     stage: Stage  # the plant
     ts_s: float  # sampling time (s)
     lanes: tuple[Lane, ...]  # the rows to be computed
-    stamps: tuple[tuple[str, str], ...] = ()  # fingerprints that go into every row
+    stamps: Mapping[str, str]  # fingerprints that go into every row
     # what makes the controller, where its name does not say
     factory: ControllerFactory | None = None
 
@@ -67,34 +73,6 @@ class Task:
     def samples(self) -> int:
         """Samples of the longest lane."""
         return max(lane.case.window(self.ts_s)[1] for lane in self.lanes)
-
-
-def make_tasks(
-    controller: str,
-    stage: Stage,
-    ts_s: float,
-    lanes: Sequence[Lane],
-    stamps: Mapping[str, str],
-    factory: ControllerFactory | None = None,
-) -> list[Task]:
-    """Cut the rows of one controller, plant and sampling time into tasks.
-
-    Lanes of one task have similar lengths, since a short one idles to the end of a long one.
-    """
-
-    def length(lane: Lane) -> int:
-        return lane.case.window(ts_s)[1]
-
-    groups: list[list[Lane]] = []
-    for lane in sorted(lanes, key=length):
-        if groups and length(lane) <= _LENGTH_RATIO * length(groups[-1][0]):
-            groups[-1].append(lane)
-        else:
-            groups.append([lane])
-    return [
-        Task(controller, stage, ts_s, tuple(group), tuple(stamps.items()), factory)
-        for group in groups
-    ]
 
 
 def row_keys(task: Task) -> list[TrackingKey]:
@@ -118,15 +96,12 @@ def _run(task: Task) -> list[Row]:
     layout = task.stage.layout(task.ts_s, _controller(task, usual, truths))
     layout = task.factory.layout if isinstance(task.factory, Made) else layout
     references = task.stage.references([(x.case, x.seed) for x in lanes], task.ts_s)
-    timed = microseconds_per_sample(
-        _controller(task, layout, truths[:1]), truths[0], layout, references[:, 0]
-    )
-    controller = _controller(task, layout, truths)
     rngs = [
         np.random.default_rng([lane.seed, zlib.crc32(lane.case.name.encode())]) for lane in lanes
     ]
-    recording = record(controller, truths, layout, references, rngs)
-    warning = warning_of(controller)
+    recording, warning, timed = timed_recording(
+        partial(_controller, task, layout), truths, layout, references, rngs
+    )
     rows = []
     for b, lane in enumerate(lanes):
         row = _row(task, lane) | {"microseconds_per_sample": timed}
@@ -138,11 +113,9 @@ def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantMod
     """Make what is scored: the bound alone is given the true plants, all others their belief."""
     if task.controller == FULL_PREVIEW:
         return FullPreviewInversion(truths, layout)
-    return make_controller(task.factory or task.controller, _belief(task), layout)
-
-
-def _belief(task: Task) -> PlantModel:
-    return task.stage.belief(task.controller)
+    return make_controller(
+        task.factory or task.controller, task.stage.belief(task.controller), layout
+    )
 
 
 def _scores(
@@ -155,10 +128,10 @@ def _scores(
             "status": f"{ERROR}: the controller's action at sample {int(np.argmax(bad))} is not finite"
         }
     limit = largest_rate_V_s(task.stage.plant)
-    scored, said = score_lane(
+    scored, text = score_lane(
         lane.case, task.ts_s, references, recording, b, warning=warning, identified_V_s=limit
     )
-    row: Row = {**asdict(scored), "status": said}
+    row: Row = {**asdict(scored), "status": text}
     if lane.keep_trace:
         parts = (references, recording.displacement_um, recording.command_V)
         r, y, u = (part[first:end, b] for part in parts)
@@ -184,22 +157,15 @@ def _row(task: Task, lane: Lane) -> Row:
     return {
         "controller": task.controller,
         "plant": task.stage.plant.name,
-        "belief": TRUE_PLANT if task.controller == FULL_PREVIEW else _belief(task).name,
+        "belief": TRUE_PLANT
+        if task.controller == FULL_PREVIEW
+        else task.stage.belief(task.controller).name,
         "reference": lane.case.reference,
         "frequency_hz": lane.case.frequency_hz,
         "ts_s": task.ts_s,
         "seed": lane.seed,
-        **dict(task.stamps),
+        **task.stamps,
     }
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a run."""
-
-    rows: list[Row]  # the rows that were asked for, and the bound's beside them
-    notes: tuple[str, ...]  # what a reader of the results should know, one sentence each
-    computed: int  # number of rows that were not finished before
 
 
 def benchmark(
@@ -215,75 +181,81 @@ def benchmark(
     """
     if out is None:
         with TemporaryDirectory() as scratch:
-            tasks = _tasks(selection, stamped=False)
-            return _compute(selection, tasks, Path(scratch), jobs, progress, ray_address)
+            return _compute(selection, Path(scratch), False, jobs, progress, ray_address)
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
-    return _compute(selection, _tasks(selection, stamped=True), out, jobs, progress, ray_address)
+    return _compute(selection, out, True, jobs, progress, ray_address)
 
 
 def _compute(
     selection: Selection,
-    tasks: Sequence[Task],
     out: Path,
+    stamped: bool,
     jobs: int,
     progress: Progress | None,
     ray_address: str | None,
 ) -> Outcome:
-    """Run what a folder does not have of tasks."""
-    store = TRACKING.open(out)
-    notes: list[str] = []
-    stamps = {k: dict(task.stamps) for task in tasks for k in row_keys(task)}
+    """Run the tasks whose rows a folder does not have."""
+    tasks = _tasks(selection, stamped)
+    stamps = {key: task.stamps for task in tasks for key in row_keys(task)}
+    store, notes = TRACKING.open(out), list[str]()
 
     def is_stale(row: Row) -> bool:
         expected = stamps.get(TRACKING.key(row), {})
         return any(row.get(name) != value for name, value in expected.items())
 
+    groups = [replace(task, lanes=lanes) for task in tasks for lanes in _alike(task)]
     computed = complete(
-        store, sorted(tasks, key=lambda task: -task.samples), run_task, row_keys, is_stale,
+        store, sorted(groups, key=lambda task: -task.samples), run_task, row_keys, is_stale,
         name=TRACKING.key, note=notes.append,
         stale="Rows of changed code, plants or controllers were set aside in {.name}.",
-        # what failed for want of a file or a package may succeed now
+        # a row that failed for want of a file or a package may succeed now
         is_finished=lambda row: words([row["status"]]) != {ERROR},
         jobs=jobs, progress=progress, ray_address=ray_address,
     )  # fmt: skip
-    return Outcome([store.rows[k] for k in _in_order(selection)], tuple(notes), computed)
+    return Outcome([store.rows[key] for key in stamps], computed, tuple(notes))
 
 
 def _tasks(selection: Selection, stamped: bool) -> list[Task]:
-    """Return all tasks, stamped with what tells whether their rows are still valid, or with nothing."""
+    """Return a task for each controller, plant and sampling time, in the order of the rows.
+
+    The bound is always run: gaps and efforts are measured against it.
+    """
     tasks = []
-    for controller, one, ts in _settings(selection):
+    controllers = dict.fromkeys((*selection.controllers, FULL_PREVIEW))
+    for controller, one in product(controllers, selection.stages):
         factory = selection.factories.get(controller)
-        stamps = {}
-        if stamped:
-            # what makes a controller may be another each time: always run anew
-            task = os.urandom(8).hex() if factory is not None else None
-            stamps = {
-                "code": code_fingerprint(controller),
-                "task": task or task_fingerprint(controller, one.plant, one.believed),
-            }
-        lanes = [
-            Lane(case, seed, ts == one.shown_ts_s and seed == selection.seeds[0])
-            for case in one.cases(selection.references, ts)
-            for seed in selection.seeds
-        ]
-        tasks += make_tasks(controller, one, ts, lanes, stamps, factory)
+        for ts in one.every_ts_s:
+            if not selection.runs_at(controller, one, ts):
+                continue
+            stamps = {}
+            if stamped:
+                # a controller made by a factory may be another each time: always run anew
+                made = os.urandom(8).hex() if factory is not None else None
+                stamps = {
+                    "code": code_fingerprint(controller),
+                    "task": made or task_fingerprint(controller, one.plant, one.believed),
+                }
+            lanes = [
+                Lane(case, seed, ts == one.shown_ts_s and seed == selection.seeds[0])
+                for case in one.cases(selection.references, ts)
+                for seed in selection.seeds
+            ]
+            tasks.append(Task(controller, one, ts, tuple(lanes), stamps, factory))
     return tasks
 
 
-def _in_order(selection: Selection) -> Iterator[TrackingKey]:
-    for controller, one, ts in _settings(selection):
-        for case in one.cases(selection.references, ts):
-            for seed in selection.seeds:
-                name = one.plant.name
-                yield controller, name, case.reference, case.frequency_hz, ts, seed
+def _alike(task: Task) -> Iterator[tuple[Lane, ...]]:
+    """Yield groups of lanes of similar lengths, since a short one idles to the end of a long one."""
 
+    def length(lane: Lane) -> int:
+        return lane.case.window(task.ts_s)[1]
 
-def _settings(selection: Selection) -> Iterator[tuple[str, Stage, float]]:
-    # the bound is always run: gaps and efforts are measured against it
-    for controller in dict.fromkeys((*selection.controllers, FULL_PREVIEW)):
-        for one in selection.stages:
-            for ts in one.every_ts_s:
-                if selection.runs_at(controller, one, ts):
-                    yield controller, one, ts
+    group: list[Lane] = []
+    for lane in sorted(task.lanes, key=length):
+        if group and length(lane) > _LENGTH_RATIO * length(group[0]):
+            yield tuple(group)
+            group = []
+        group.append(lane)
+    if group:
+        yield tuple(group)

@@ -24,12 +24,11 @@ from baselines import (
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
 from benchmarks.tracking.controllers import (
     Made,
-    corrected_by,
     is_learned,
+    read_policy,
     shipped_policies,
-    trained_at_s,
 )
-from benchmarks.tracking.scoring import one_line
+from benchmarks.tracking.episode import one_line
 from benchmarks.tracking.stages import REFERENCES, SEEDS, Stage, make_stage
 from rdpi_gym.envs import ObservationLayout, TrackingTask
 from rdpi_gym.plant import PLANTS, PlantModel, check_ts, find_plant
@@ -63,8 +62,8 @@ def try_controller(name: str, stage: Stage, factory: ControllerFactory | None = 
             observation = task.step(layout.place_to_V(np.clip(_checked(action), -1.0, 1.0)))
             starts = np.zeros(_LANES, dtype=bool)
     except InputError as error:
-        said = str(error)
-        raise InputError(said if repr(name) in said else f"{name!r}: {said}") from error
+        text = str(error)
+        raise InputError(text if repr(name) in text else f"{name!r}: {text}") from error
     except Exception as error:  # a user's controller may raise anything
         where = traceback.extract_tb(error.__traceback__)[-1]
         raise InputError(
@@ -119,12 +118,12 @@ class Selection:
 
     def suits(self, controller: str, stage: Stage) -> bool:
         """Whether a controller can be made with what is believed of a plant."""
-        return controller in self.factories or stage.is_told(self.needed_core(controller))
+        return controller in self.factories or stage.has_core(self.needed_core(controller))
 
     def needed_core(self, controller: str) -> type[Core] | None:
         """Return the kind of hysteresis core that a controller needs in its belief; None: any."""
         if controller in self.trained_s and is_learned(controller):
-            return needed_core(corrected_by(controller) or "")
+            return needed_core(read_policy(controller).baseline or "")
         return needed_core(controller)
 
     def is_ranked(self, controller: str) -> bool:
@@ -159,22 +158,22 @@ def select(
             f"{len(models)} plants and a belief; give the one plant that it is believed of"
         )
     believed = _plant(belief) if isinstance(belief, str) else belief
-    told = models if believed is None else [believed]
+    beliefs = models if believed is None else [believed]
     notes: tuple[str, ...] = ()
-    controllers_asked = controllers
+    factories = dict(factories or {})
+    requested = {*own_controllers, *factories, *(controllers or ())}
     if controllers is None:
         shipped, notes = shipped_policies()
-        with_effects = any(model.effects for model in told)
+        with_effects = any(model.effects for model in beliefs)
         inverted = tuple(kind for kind in map(needed_core, CONTROLLERS) if kind is not None)
-        with_cores = any(not isinstance(model.hysteresis, inverted) for model in told)
-        controllers = [
+        with_cores = any(not isinstance(model.hysteresis, inverted) for model in beliefs)
+        suited = (
             name
             for name in CONTROLLERS
             if (with_effects or not inverts_effects(name))
             and (with_cores or not inverts_any_core(name))
-        ]
-        controllers += [FULL_PREVIEW, *shipped]
-    factories = dict(factories or {})
+        )
+        controllers = [*suited, FULL_PREVIEW, *shipped]
     names = tuple(dict.fromkeys((*controllers, *own_controllers, *factories)))
     own = [name for name in names if name not in CONTROLLERS and name != FULL_PREVIEW]
     for name in own:
@@ -193,16 +192,15 @@ def select(
         raise InputError(
             "nothing to score; give at least one controller, plant, reference and seed"
         )
-    trained = {name: trained_at_s(name) for name in own if is_learned(name)}
+    # a policy runs at the sampling time of its training alone
+    trained = {name: read_policy(name).layout.ts_s for name in own if is_learned(name)}
     trained |= {name: f.layout.ts_s for name, f in factories.items() if isinstance(f, Made)}
     stages = tuple(make_stage(model, times, believed) for model in models)
     if times is None:
         alone = set(names) <= {*trained, FULL_PREVIEW}
         stages = _with_trained(stages, sorted(set(trained.values())), alone)
     selection = Selection(names, stages, wanted, tuple(seeds), notes, trained, factories)
-    asked_for = {*own_controllers, *factories, *(controllers_asked or ())}
-    selection = _without_unsuited(selection, asked=asked_for)
-    selection = _without_idle(selection, asked=asked_for)
+    selection = _without_idle(_without_unsuited(selection, requested), requested)
     if not any(s.cases(wanted, ts) for s in selection.stages for ts in s.ts_s):
         raise InputError(
             f"no reference among {', '.join(wanted)} suits these sampling times: a period must have "
@@ -222,7 +220,7 @@ def _with_trained(stages: Sequence[Stage], ts_s: Sequence[float], alone: bool) -
     return tuple(replace(stage, trained_ts_s=times) for stage, times in suiting)
 
 
-def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
+def _without_unsuited(selection: Selection, requested: set[str]) -> Selection:
     """Leave out controllers of another hysteresis core than any belief's; one asked for is an error."""
     cores = ", ".join(dict.fromkeys(s.belief("").hysteresis.name for s in selection.stages))
     unsuited: dict[str, list[str]] = {}
@@ -230,56 +228,47 @@ def _without_unsuited(selection: Selection, asked: set[str]) -> Selection:
         needed = selection.needed_core(name)
         if needed is None or any(selection.suits(name, stage) for stage in selection.stages):
             continue
-        if name in asked:
+        if name in requested:
             raise InputError(
                 f"{name} inverts the core {needed.name}, and the core that is believed of the plant is "
                 f"{cores}; core-inverse inverts any"
             )
         unsuited.setdefault(needed.name, []).append(name)
-    if not unsuited:
-        return selection
-    out = [name for names in unsuited.values() for name in names]
-    return replace(
+    return _without(
         selection,
-        controllers=tuple(name for name in selection.controllers if name not in out),
-        notes=(
-            *selection.notes,
-            *(
-                f"Left out, since they invert the core {core} and the belief has {cores}: {', '.join(names)}."
-                for core, names in unsuited.items()
-            ),
-        ),
-        trained_s={n: ts for n, ts in selection.trained_s.items() if n not in out},
+        {
+            f"Left out, since they invert the core {core} and the belief has {cores}": names
+            for core, names in unsuited.items()
+        },
     )
 
 
-def _without_idle(selection: Selection, asked: set[str]) -> Selection:
+def _without_idle(selection: Selection, requested: set[str]) -> Selection:
     """Leave out policies that run nowhere; one that was asked for is an error."""
-    idle = [
-        name
-        for name in selection.trained_s
-        if not any(
-            selection.runs_at(name, stage, ts)
-            for stage in selection.stages
-            for ts in stage.every_ts_s
+    settings = [(stage, ts) for stage in selection.stages for ts in stage.every_ts_s]
+    idle = {
+        name: ts
+        for name, ts in selection.trained_s.items()
+        if not any(selection.runs_at(name, *setting) for setting in settings)
+    }
+    for name in (name for name in idle if name in requested):
+        raise InputError(
+            f"{name} was trained at Ts = {idle[name]:g} s, at which none of these plants is scored; "
+            f"give --ts {idle[name]:g}, or another plant"
         )
-    ]
-    if not idle:
-        return selection
-    for name in idle:
-        if name in asked:
-            raise InputError(
-                f"{name} was trained at Ts = {selection.trained_s[name]:g} s, at which none of these plants is scored; "
-                f"give --ts {selection.trained_s[name]:g}, or another plant"
-            )
+    why = "Left out, since they were trained at another sampling time"
+    return _without(selection, {why: list(idle)} if idle else {})
+
+
+def _without(selection: Selection, names: Mapping[str, Sequence[str]]) -> Selection:
+    """Leave controllers out, with a note for each reason."""
+    out = {name for each in names.values() for name in each}
+    notes = (f"{reason}: {', '.join(each)}." for reason, each in names.items())
     return replace(
         selection,
-        controllers=tuple(name for name in selection.controllers if name not in idle),
-        notes=(
-            *selection.notes,
-            f"Left out, since they were trained at another sampling time: {', '.join(idle)}.",
-        ),
-        trained_s={n: ts for n, ts in selection.trained_s.items() if n not in idle},
+        controllers=tuple(name for name in selection.controllers if name not in out),
+        notes=(*selection.notes, *notes),
+        trained_s={name: ts for name, ts in selection.trained_s.items() if name not in out},
     )
 
 

@@ -84,7 +84,7 @@ class Stage:
             return belief
         return replace(belief, effects=(), name=f"{belief.name} without effects")
 
-    def is_told(self, kind: type[Core] | None) -> bool:
+    def has_core(self, kind: type[Core] | None) -> bool:
         """Whether the belief has that kind of hysteresis core; None: any."""
         return kind is None or isinstance(self.belief("").hysteresis, kind)
 
@@ -148,9 +148,9 @@ def make_stage(
     scored = replace(limit_band(plant, RATE_BANDWIDTH_HZ), sensor=sensor)
     slow = _triangle_rate_V_s(plant, 10.0) > (largest_rate_V_s(plant) or math.inf)
     usual = SLOW_TS_S if slow else TS_S
-    told = None if believed is None else limit_band(believed, RATE_BANDWIDTH_HZ)
+    belief = None if believed is None else limit_band(believed, RATE_BANDWIDTH_HZ)
     times = usual if ts_s is None else tuple(ts_s)
-    return Stage(scored, times, 1.0 if slow else 10.0, believed=told)
+    return Stage(scored, times, 1.0 if slow else 10.0, believed=belief)
 
 
 def largest_rate_V_s(plant: PlantModel) -> float | None:

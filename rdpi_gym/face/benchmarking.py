@@ -17,15 +17,8 @@ from baselines import Controller
 from baselines import make_controller as make_by_name
 from benchmarks.tracking import evaluation
 from benchmarks.tracking.controllers import named
-from benchmarks.tracking.episode import play
-from benchmarks.tracking.markdown import (
-    METHOD,
-    WHERE_TRAINED,
-    measured_text,
-    ranking_view,
-)
+from benchmarks.tracking.episode import Caution, cautions, play, score
 from benchmarks.tracking.run import benchmark as run_benchmark
-from benchmarks.tracking.scoring import Caution, cautions, score
 from benchmarks.tracking.selection import select
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 from rdpi_gym.envs.controller import warning_of
@@ -39,13 +32,11 @@ from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.markdown import plain
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import micrometres, number
 
 if TYPE_CHECKING:
     from rdpi_gym.report.chart import Chart
-    from rdpi_gym.report.page import Section
 
 SEEDS = 5
 TOP = 8
@@ -151,7 +142,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
 
     def overview(self) -> pd.DataFrame:
         """Return the ranking, best first."""
-        return ranking_view(self.ranking)
+        return evaluation.ranking_view(self.ranking)
 
     def _chart(self) -> Chart:
         from benchmarks.tracking.charts import leaderboard_chart
@@ -166,17 +157,9 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         InputError
             The file cannot be written.
         """
-        from benchmarks.tracking.page import write_benchmark_page
+        from benchmarks.tracking.report import write_benchmark_page
 
-        return write_benchmark_page(
-            Path(path),
-            self,
-            self.answer,
-            plain(METHOD),
-            plain(measured_text(self.measured)),
-            WHERE_TRAINED,
-            None if self.payoff is None else _payoff_section(self.payoff),
-        )
+        return write_benchmark_page(Path(path), self, self.payoff)
 
     def write(self, folder: Path | str) -> Path:
         """Write ``leaderboard.csv``, ``leaderboard.md``, ``leaderboard.png`` and ``measured.csv``.
@@ -192,7 +175,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
             The folder cannot be written.
         """
         from benchmarks.tracking.charts import leaderboard_png
-        from benchmarks.tracking.markdown import write_tables
+        from benchmarks.tracking.report import write_tables
         from rdpi_gym.support.files import write_atomic
 
         write_atomic(Path(folder) / "leaderboard.png", leaderboard_png(self))
@@ -207,7 +190,7 @@ def first_of(ranked: pd.DataFrame, own: Sequence[str], most: int = TOP) -> tuple
     if rivals > most:
         yours = ", and yours" if (shown & ~bound).sum() > most else ""
         title = f"The first {most} of {rivals} controllers{yours}"
-    table = ranking_view(ranked).loc[shown, list(_SHOWN)]
+    table = evaluation.ranking_view(ranked).loc[shown, list(_SHOWN)]
     return title, table.map(lambda cell: number(cell) if isinstance(cell, float) else str(cell))
 
 
@@ -298,8 +281,8 @@ def benchmark(
         folder = None if out is None else Path(out)
         outcome = run_benchmark(selection, folder, jobs, progress, ray)
         if everything:
-            kept = folder is not None
-            payoff = _payoff(folder or Path(scratch), kept, jobs, ray, progress, notes)
+            stamped = folder is not None
+            payoff = _payoff(folder or Path(scratch), stamped, jobs, ray, progress, notes)
     return Evaluation.of(
         evaluation.evaluate(selection, outcome),
         finished=len(outcome.rows),
@@ -318,15 +301,14 @@ def _named(plant: PlantModel | HasPlant | PathLike[str] | str) -> PlantModel | s
 
 def _payoff(
     out: Path,
-    kept: bool,
+    stamped: bool,
     jobs: int,
     ray: str | None,
     progress: Progress | None,
     notes: list[str],
 ) -> pd.DataFrame:
     """Score the plants with hidden effects, with the beliefs of this release."""
-    from benchmarks.payoff.beliefs import HIDDEN_PLANTS, stored_beliefs
-    from benchmarks.payoff.scores import payoff_table
+    from benchmarks.payoff.scores import HIDDEN_PLANTS, payoff_table, stored_beliefs
 
     beliefs = {hidden: stored_beliefs(hidden) for hidden in HIDDEN_PLANTS}
     return payoff_table(
@@ -336,17 +318,8 @@ def _payoff(
         progress=progress,
         ray_address=ray,
         note=notes.append,
-        kept=kept,
+        stamped=stamped,
     )
-
-
-def _payoff_section(payoff: pd.DataFrame) -> Section:
-    from benchmarks.payoff.charts import payoff_section
-    from benchmarks.payoff.tables import METHOD as PAYOFF_METHOD
-    from benchmarks.payoff.tables import payoff_summary, summary_view
-
-    summary = payoff_summary(payoff)
-    return payoff_section(summary, summary_view(summary), plain(PAYOFF_METHOD))
 
 
 PREVIEW = 16

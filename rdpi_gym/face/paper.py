@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import pandas as pd
 
 from benchmarks import paper
-from benchmarks.paper.cases import COMPENSATORS, SWEEP_LABEL, TABLE_TS_S
+from benchmarks.paper.claims import COMPENSATORS, SWEEP_LABEL, TABLE_TS_S, section_iii
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.support.checks import checked
 from rdpi_gym.support.progress import Progress
@@ -42,16 +42,11 @@ class PaperResults(DisplayMixin, paper.PaperResults):
         ]
 
     def _at(self, ts_s: float, reading: str) -> float:
-        (run,) = (
-            run
-            for case, run in zip(self.cases, self.runs, strict=True)
-            if (case.label, case.reading.name, case.sine.ts_s) == (SWEEP_LABEL, reading, ts_s)
-        )
-        return run.max_error
+        return self.find(SWEEP_LABEL, reading, section_iii(50.0, ts_s)).max_error
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the rows of ``paper.csv``: every panel and number of the paper, and a verdict."""
-        return pd.DataFrame([asdict(row) for row in paper.paper_rows(self)])
+        return paper.paper_rows(self)
 
     def overview(self) -> pd.DataFrame:
         """Return the rows of the error against the sampling time."""
@@ -59,7 +54,7 @@ class PaperResults(DisplayMixin, paper.PaperResults):
         return table[table["case"] == SWEEP_LABEL].dropna(axis="columns", how="all")
 
     def _chart(self) -> Chart:
-        from benchmarks.paper.page import sweep_chart
+        from benchmarks.paper.figures import sweep_chart
 
         return sweep_chart(self)
 
@@ -71,7 +66,7 @@ class PaperResults(DisplayMixin, paper.PaperResults):
         InputError
             The file cannot be written.
         """
-        from benchmarks.paper.page import write_paper_page
+        from benchmarks.paper.figures import write_paper_page
 
         return write_paper_page(path, self, self._lines(), self.to_dataframe())
 

@@ -27,6 +27,7 @@ from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery_text import lines, staircase
 from rdpi_gym.support.checks import check_type, checked
+from rdpi_gym.support.documents import stored
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
 from rdpi_gym.support.progress import Progress
@@ -60,9 +61,9 @@ class SearchResult(DisplayMixin, results.SearchResult):
     saved_as: ClassVar[str] = "search"
     figure_inches: ClassVar[tuple[float, float]] = (9.5, 3.8)
 
-    data: Dataset = field(kw_only=True)
+    data: Dataset = field(kw_only=True, metadata=stored(omitted=True))
     """The records that were searched."""
-    own: Own = field(kw_only=True, default=())
+    own: Own = field(kw_only=True, default=(), metadata=stored(omitted=True))
     """Effects of the user's own that were tried beside the catalogue; not saved."""
 
     @checked

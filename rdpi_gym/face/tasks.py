@@ -10,8 +10,8 @@ from typing import Any
 
 from baselines import Controller
 from benchmarks.stages import submission
+from benchmarks.stages.ranking import TaskScores
 from benchmarks.stages.run import field, read_seed, run_tasks
-from benchmarks.stages.tables import TaskScores
 from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.checks import checked
@@ -98,7 +98,7 @@ def score_tasks(
             progress=progress,
             ray_address=ray,
             factories=factories,
-            kept=out is not None,
+            stamped=out is not None,
         )
     return TaskScores(tuple(outcome.rows), seed.label, outcome.computed, outcome.notes)
 

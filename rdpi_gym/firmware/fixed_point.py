@@ -33,6 +33,7 @@ from baselines.inversion_free import (
     StaticInverseMultiplicative,
 )
 from baselines.pi import PI
+from rdpi_gym.firmware.program import Memory, Table
 from rdpi_gym.firmware.writing.templating import helpers
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -58,25 +59,6 @@ _FEEDFORWARDS: frozenset[type[Baseline]] = frozenset(
 
 
 @dataclass(frozen=True)
-class FixedTable:
-    """Whole numbers that the code reads and never writes: one field of its struct of parameters."""
-
-    name: str
-    type: Integer
-    values: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class FixedMemory:
-    """Whole numbers that the code keeps from sample to sample: one field of its struct of memory."""
-
-    name: str
-    type: Integer
-    rest: tuple[int, ...]
-    from_reference: bool = False
-
-
-@dataclass(frozen=True)
 class FixedPoint:
     """One sample of a controller as C on integers, with ``rdpi_real`` an ``int32_t``.
 
@@ -95,8 +77,8 @@ class FixedPoint:
     high: int
     rest: int
     reach: int  # and of the references' amplitude
-    tables: Sequence[FixedTable]  # in the order of their structs
-    memory: Sequence[FixedMemory]
+    tables: Sequence[Table]  # in the order of their structs
+    memory: Sequence[Memory]
     functions: str  # static functions that `step` calls, callees first; they need <stdint.h> alone
     step: str
     notes: Sequence[str] = field(default_factory=tuple)
@@ -160,8 +142,8 @@ class _Writer:
         reached_um = farthest_V * belief.hysteresis.A + abs(belief.offset_um - self.centre_um)
         self.microns = max(_HEADROOM * layout.scale_um, _BEYOND_REACH * reached_um)
         self.volts = farthest_V * _ONE / _LARGEST
-        self.tables: list[FixedTable] = []
-        self.memory: list[FixedMemory] = []
+        self.tables: list[Table] = []
+        self.memory: list[Memory] = []
         self.notes: list[str] = []
         self.lines = [f"int64_t total = {self.code(self.limits.rest_V)};"]
 
@@ -240,7 +222,7 @@ class _Writer:
         integral = loop.gains.integral_V_um_s * self.ts_s * per_code
         (factor,), shift = _coefficients([integral], "the integral gain", _INTEGRAL_BITS + 1)
         self.table("integral_gain", [factor])
-        self.memory.append(FixedMemory("integral", "int64_t", (0,)))
+        self.remember("integral", [0], "int64_t")
         grows = f"rdpi_rounded(error * p->integral_gain[0], {shift - _INTEGRAL_BITS}u)"
         end = 2**_INTEGRAL_END_BITS
         self.lines += [
@@ -269,7 +251,14 @@ class _Writer:
 
     def table(self, name: str, values: Sequence[int], kind: Integer = "int32_t") -> None:
         """Add a table."""
-        self.tables.append(FixedTable(name, kind, tuple(values)))
+        self.tables.append(Table(name, np.array(values, dtype=np.int64), kind))
+
+    def remember(
+        self, name: str, rest: ArrayLike, kind: Integer = "int32_t", by_reference: float = 0.0
+    ) -> None:
+        """Add a field of memory."""
+        codes = np.array(rest, dtype=np.int64)
+        self.memory.append(Memory(name, codes, np.full(codes.shape, by_reference), kind))
 
     def sum(self, slope_V_um: float, weights_V: Sequence[float], at_centre_V: float) -> None:
         """Begin `total` as command at the centre + slope · reference, on the scale of the weights."""
@@ -302,7 +291,7 @@ class _Writer:
             self.lines.append(f"total = rdpi_limited(total, {low_high});")
         self.lines += between
         if stepped or remember:
-            self.memory.append(FixedMemory(last, "int32_t", (self.code(self.limits.rest_V),)))
+            self.remember(last, [self.code(self.limits.rest_V)])
             self.lines.append(f"m->{last}[0] = (int32_t)total;")
 
     def plays(self, thresholds: ArrayLike, rest: ArrayLike, scale: float) -> None:
@@ -311,9 +300,7 @@ class _Writer:
         self.table(
             "thresholds", np.minimum(whole, 2.0 * _ONE - 1.0).astype(int).tolist(), "uint32_t"
         )
-        self.memory.append(
-            FixedMemory("plays", "int32_t", tuple(_codes(np.asarray(rest) / scale).tolist()))
-        )
+        self.remember("plays", _codes(np.asarray(rest) / scale))
 
     def reference_rate(self, slope: float) -> _Rate:
         """Let the thresholds grow with the reference's change, by `slope` codes for each."""
@@ -321,7 +308,7 @@ class _Writer:
             return _Rate()
         (factor,), shift = _coefficients([slope], "what the rate adds to the thresholds", 1)
         self.table("rate_gain", [factor])
-        self.memory.append(FixedMemory("reference", "int32_t", (0,), from_reference=True))
+        self.remember("reference", [0], by_reference=1.0)
         change = "((int64_t)ahead_um[0] - m->reference[0]) * p->rate_gain[0]"
         return _Rate(
             [f"const uint32_t shift = rdpi_size({change}, {shift}u);"],
@@ -334,7 +321,7 @@ class _Writer:
             return _Rate()
         (factor,), shift = _coefficients([slope], "what the rate adds to the thresholds", 20)
         self.table("rate_gain", [factor])
-        self.memory.append(FixedMemory("rate", "int64_t", (0,)))
+        self.remember("rate", [0], "int64_t")
         bits = shift - _RATE_BITS
         change = f"rdpi_rounded((total - m->forward_command[0]) * p->rate_gain[0], {bits}u)"
         if pole == 0.0:

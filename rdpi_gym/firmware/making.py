@@ -127,15 +127,9 @@ def traced_program(made: Baseline, title: str) -> Program:
     count = len(rest)
 
     def step(recording: Recording) -> None:
-        given = Inputs(
-            recording,
-            [
-                ("reference_um", None),
-                ("ahead_um", layout.preview),
-                ("measured_um", None),
-                ("applied_V", None),
-            ],
-        )
+        ahead = "ahead_um", layout.preview
+        scalars = (("reference_um", None), ("measured_um", None), ("applied_V", None))
+        given = Inputs(recording, [scalars[0], ahead, *scalars[1:]])
         places = np.arange(layout.preview + 3, dtype=np.int64)[:, None]
         column: Any = Traced(given, places)
         window = column[: layout.preview + 1]
@@ -439,7 +433,10 @@ def package_again(document: Mapping[str, Any], source: str) -> Package:
     is_plant = kind == "plant" and controller is None and preview is None
     if not is_plant and not (kind == "controller" and isinstance(controller, str)):
         raise InputError(f"{source} describes neither a plant nor a controller; export it anew")
-    model = PlantModel.from_dict(_object(document.get("model"), source), f"{source}, model")
+    described = document.get("model")
+    if not isinstance(described, Mapping):
+        raise InputError(f"{source} has no model; export it anew")
+    model = PlantModel.from_dict(described, f"{source}, model")
     return package_of(model, document.get("ts_s", math.nan), controller, preview)
 
 
@@ -474,12 +471,5 @@ def _fixed(program: Program) -> tuple[FixedPoint | None, str | None]:
 def _found_anywhere(controller: str) -> str:
     """Return a controller's name, the folder of a policy written from the root."""
     prefix, sign, folder = controller.rpartition(":")
-    return (
-        f"{prefix}{sign}{Path(folder).absolute()}" if sign and Path(folder).is_dir() else controller
-    )
-
-
-def _object(value: Any, source: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"{source} has no model; export it anew")
-    return value
+    is_folder = sign and Path(folder).is_dir()
+    return f"{prefix}{sign}{Path(folder).absolute()}" if is_folder else controller

@@ -15,19 +15,26 @@ from rdpi_gym.support.arrays import Array
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers that the code reads and never writes, float64[N], N at least 1: one field of its parameters."""
+    """Numbers that the code reads and never writes, at least one: a field of its struct of parameters.
+
+    They are float64[N], or whole numbers of the type of a form on whole numbers.
+    """
 
     name: str  # an identifier of C, lower case
-    values: Array
+    values: NDArray[Any]
+    type: str = "rdpi_real"
 
 
 @dataclass(frozen=True)
 class Memory:
-    """Numbers that the code keeps from sample to sample, float64[N]: one field of its struct of memory."""
+    """Numbers that the code keeps from sample to sample, as those of a table: a field of its struct of memory."""
 
     name: str  # an identifier of C, lower case
-    rest: Array  # where an episode begins whose first reference is 0 µm; NaN where the first sample sets it
-    by_reference: Array  # what each µm of the first reference adds to it; zero for a plant
+    rest: NDArray[
+        Any
+    ]  # where an episode begins whose first reference is 0 µm; NaN where the first sample sets it
+    by_reference: Array  # what each µm (code) of the first reference adds to it; zero for a plant
+    type: str = "rdpi_real"
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import NO_FIT, JointFit, first_steps, fit_joint, kept_samples
+from rdpi_gym.identification.joint import (
+    NO_FIT,
+    Free,
+    JointFit,
+    first_steps,
+    fit_joint,
+    kept_samples,
+)
 from rdpi_gym.identification.least_squares import signed_least_squares
 from rdpi_gym.identification.plausibility import check_motion
-from rdpi_gym.identification.residuals import pooled_rmse, simulate_record
+from rdpi_gym.identification.residuals import pooled_rmse, simulate_record, with_validated
 from rdpi_gym.identification.scale import data_scale, plant_ranges
 from rdpi_gym.identification.stack import command_rate
 from rdpi_gym.measurement import Dataset, Quantities, Record, hold_out_blocks
@@ -157,10 +164,7 @@ def judged(found: CoreFit, validation: Sequence[Record]) -> CoreFit:
     if not validation:
         return found
     validated = [simulate_record(found.plant, record) for record in validation]
-    rmse = dict(found.rmse_um)
-    for left in validated:
-        label = left.record.name
-        rmse[f"{label} (validation)" if label in rmse else label] = left.rmse_um
+    rmse = with_validated(found.rmse_um, validated)
     return replace(found, rmse_um=rmse, validation_rmse_um=pooled_rmse(validated))
 
 
@@ -278,16 +282,19 @@ class _Problem:
         """Search over the shape from a start, the gains solved for at each step."""
         from scipy.optimize import least_squares
 
-        numbers = [p for p in type(start).shape if not p.fixed]
+        variant = Variant(start, ())
+        numbers = [
+            Free(None, p, max(map(abs, p.typical))) for p in type(start).shape if not p.fixed
+        ]
         if not numbers:
             return self.projected(start)
-        low, high = np.array([[_inward(p, bound) for p in numbers] for bound in ("low", "high")])
+        low, high = np.array([[n.low for n in numbers], [n.high for n in numbers]])
 
         def at(place: Array) -> Core:
             values = zip(numbers, place.tolist(), strict=True)
-            return start.with_shape({p.name: _outward(p, value) for p, value in values})
+            return start.with_shape({n.parameter.name: n.physical(value) for n, value in values})
 
-        begun = np.array([_coordinate(p, float(getattr(start, p.name))) for p in numbers])
+        begun = np.array([n.read(variant) for n in numbers])
         scale = float(np.sqrt(sum(np.sum(r.y_um[k] ** 2) for r, k in self._pairs())))
 
         def left(place: Array) -> Array:
@@ -296,7 +303,7 @@ class _Problem:
             return np.append(point.left, math.sqrt(paid)) / max(scale, 1e-300)
 
         inside = np.clip(begun, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-        sizes = np.array([1.0 if _is_scale(p) else max(map(abs, p.typical)) for p in numbers])
+        sizes = np.array([1.0 if n.logarithmic else n.size for n in numbers])
         found = least_squares(
             left, inside, bounds=(low, high), x_scale=sizes, diff_step=[1e-5] * len(numbers), max_nfev=steps,
             xtol=1e-12, ftol=1e-12, gtol=1e-14,
@@ -349,22 +356,6 @@ def _plant(point: _Point, train: Sequence[Record], name: str) -> PlantModel[Any]
         point.core, name, model.command_range_V, model.reference_um, offset,
         note=f"core {point.core.name} fitted to {', '.join(record.name for record in train)}.",
     )  # fmt: skip
-
-
-def _is_scale(parameter: Parameter) -> bool:
-    return parameter.low > 0.0
-
-
-def _coordinate(parameter: Parameter, value: float) -> float:
-    return math.log(value) if _is_scale(parameter) else value
-
-
-def _inward(parameter: Parameter, bound: str) -> float:
-    return _coordinate(parameter, float(getattr(parameter, bound)))
-
-
-def _outward(parameter: Parameter, place: float) -> float:
-    return math.exp(place) if _is_scale(parameter) else place
 
 
 def is_at_bound(parameter: Parameter, value: float) -> bool:

@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym.identification.plausibility import check_motion, plausibility_warnings
-from rdpi_gym.identification.residuals import RecordResidual, pooled_rmse, simulate_record
+from rdpi_gym.identification.residuals import (
+    RecordResidual,
+    pooled_rmse,
+    simulate_record,
+    with_validated,
+)
 from rdpi_gym.identification.scale import Bounds, RateSpread, plant_ranges, rate_spread, set_bounds
 from rdpi_gym.identification.search import Point, moving_plays, search
 from rdpi_gym.identification.stack import Stack, stack_records
@@ -324,7 +329,7 @@ def fit(
         extremum_errors_V=dict(zip(extrema, uncertainty.theta[2:].tolist(), strict=True))
         if free_memory
         else {},
-        rmse_um=_by_record(trained, validated),
+        rmse_um=with_validated({t.record.name: t.rmse_um for t in trained}, validated),
         train_rmse_um=pooled_rmse(trained),
         validation_rmse_um=pooled_rmse(validated) if validated else None,
         warnings=tuple(quantities.said(w, [r.name for r in train]) for w in warnings),
@@ -413,16 +418,6 @@ def _length(left: RecordResidual) -> float:
     if left.rmse_um < _ROUNDING * stroke_um:
         return 1.0
     return correlation_length(left.error_um, left.record.error_mask)
-
-
-def _by_record(
-    trained: Sequence[RecordResidual], validated: Sequence[RecordResidual]
-) -> dict[str, float]:
-    rmse = {left.record.name: left.rmse_um for left in trained}
-    for left in validated:
-        name = left.record.name
-        rmse[f"{name} (validation)" if name in rmse else name] = left.rmse_um
-    return rmse
 
 
 def _documented(result: FitResult, title: str, spread: RateSpread) -> PlantModel:

@@ -13,11 +13,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
 from rdpi_gym.identification.jacobian import Variant, centre, change_rows, jacobian_rows
-from rdpi_gym.identification.least_squares import (
-    BoolArray,
-    bounded_least_squares,
-    signed_least_squares,
-)
+from rdpi_gym.identification.least_squares import BoolArray, signed_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
@@ -61,12 +57,20 @@ class Free:
     @property
     def low(self) -> float:
         """Lower bound of the search."""
-        return math.log(self.parameter.low) if self.logarithmic else self.parameter.low
+        return self.coordinate(self.parameter.low)
 
     @property
     def high(self) -> float:
         """Upper bound of the search."""
-        return math.log(self.parameter.high) if self.logarithmic else self.parameter.high
+        return self.coordinate(self.parameter.high)
+
+    def coordinate(self, value: float) -> float:
+        """Return a value as the search moves it."""
+        return math.log(value) if self.logarithmic else value
+
+    def physical(self, place: float) -> float:
+        """Return the value at a place of the search."""
+        return math.exp(place) if self.logarithmic else place
 
     @property
     def step(self) -> float:
@@ -102,13 +106,12 @@ class Free:
             value = float(getattr(variant.hysteresis, self.parameter.name))
         else:
             value = variant.effects[self.effect].values[self.parameter.name]
-        return math.log(value) if self.logarithmic else value
+        return self.coordinate(value)
 
     def write(self, variant: Variant[Any], value: float) -> Variant[Any]:
         """Return the variant moved to a place, kept within the bounds."""
         inside = min(max(value, self.low), self.high)
-        physical = math.exp(inside) if self.logarithmic else inside
-        physical = min(max(physical, self.parameter.low), self.parameter.high)
+        physical = min(max(self.physical(inside), self.parameter.low), self.parameter.high)
         if self.effect is None:
             core = variant.hysteresis.with_shape({self.parameter.name: float(physical)})
             return Variant(core, variant.effects)
@@ -357,20 +360,14 @@ def _solve(
     Gains that may not be negative stay at zero or above; the search begins at those that are there.
     """
     n, moves = len(gains), at.gram.shape[0] - len(gains)
-    down_too = np.array([*np.flatnonzero(at.core.signed), *range(n, n + moves)], dtype=np.intp)
-    signs = np.concatenate([np.ones(n + moves), -np.ones(len(down_too))])
-    index = np.concatenate([np.arange(n + moves), down_too])
+    signed = np.concatenate([np.array(at.core.signed, dtype=np.bool_), np.ones(moves, np.bool_)])
     damped = at.gram + np.diag(np.concatenate([np.zeros(n), damping * np.diag(at.gram)[n:]]))
-    gram = damped[np.ix_(index, index)] * np.outer(signs, signs)
-    rhs = at.rhs[index] * signs
     up, down = np.array(ways, dtype=bool).reshape(-1, 2).T
-    both = at.allowed[down_too[: len(down_too) - moves]]
-    allowed = np.concatenate([at.allowed, up, both, down])
-    guess = np.concatenate([np.array(gains) > 0.0, np.zeros(len(index) - n, dtype=np.bool_)])
-    found, _ = bounded_least_squares(gram, rhs, allowed, at.floor, guess)
-    x: Array = found[: n + moves].copy()
-    x[down_too] -= found[n + moves :]
-    return x
+    guess = np.concatenate([np.array(gains) > 0.0, np.zeros(moves, dtype=np.bool_)])
+    return signed_least_squares(
+        damped, at.rhs, signed, np.concatenate([at.allowed, up]), at.floor, guess,
+        np.concatenate([at.allowed, down]),
+    )  # fmt: skip
 
 
 def fit_joint(

@@ -333,19 +333,26 @@ def bounded_least_squares(
 
 
 def signed_least_squares(
-    gram: Array, rhs: Array, signed: Sequence[bool], allowed: BoolArray, floor: float
+    gram: Array,
+    rhs: Array,
+    signed: Sequence[bool] | BoolArray,
+    allowed: BoolArray,
+    floor: float,
+    guess: BoolArray | None = None,
+    allowed_down: BoolArray | None = None,
 ) -> Array:
-    """Minimise x'Gx - 2b'x where only some x may be negative."""
+    """Minimise x'Gx - 2b'x where only some x may be negative, of these those that are allowed down.
+
+    The search begins at those of the guess that are above zero, or at all that are allowed.
+    """
     turned, n = np.flatnonzero(signed), len(rhs)
-    if not turned.size:
-        alone: Array
-        alone, _ = bounded_least_squares(np.ascontiguousarray(gram), rhs, allowed, floor, allowed)
-        return alone
     index = np.concatenate([np.arange(n), turned])
     signs = np.concatenate([np.ones(n), -np.ones(len(turned))])
-    both = np.ascontiguousarray(gram[np.ix_(index, index)] * np.outer(signs, signs))
-    may = allowed[index]
-    found, _ = bounded_least_squares(both, rhs[index] * signs, may, floor, may)
+    down = (allowed if allowed_down is None else allowed_down)[turned]
+    may = np.concatenate([allowed, down])
+    first = may if guess is None else np.concatenate([guess, np.zeros(len(turned), np.bool_)])
+    both = gram[np.ix_(index, index)] * np.outer(signs, signs)
+    found, _ = bounded_least_squares(both, rhs[index] * signs, may, floor, first)
     x: Array = found[:n].copy()
     x[turned] -= found[n:]
     return x

@@ -135,6 +135,17 @@ def validation_rmse(
     return pooled_rmse([simulate_record(model, r, extrema.get(r.name)) for r in records])
 
 
+def with_validated(
+    rmse_um: Mapping[str, float], validated: Sequence[RecordResidual]
+) -> dict[str, float]:
+    """Return errors of records that were fitted with those of others, a held-out part under its name."""
+    rmse = dict(rmse_um)
+    for left in validated:
+        name = left.record.name
+        rmse[f"{name} (validation)" if name in rmse else name] = left.rmse_um
+    return rmse
+
+
 PIECES = 8
 """Pieces that a record is cut into: what the spread of an improvement is judged by."""
 _DRAWS = 400

@@ -25,21 +25,25 @@ def plant_ranges(
     records: Sequence[Record],
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the command range (V) of a plant fitted to records, and its references (µm)."""
-    low = min(float(record.u_V.min()) for record in records)
-    high = max(float(record.u_V.max()) for record in records)
-    least = min(float(record.y_um[record.error_mask].min()) for record in records)
-    most = max(float(record.y_um[record.error_mask].max()) for record in records)
+    low, high, least, most = _ranges(records)
     margin = _RANGE_MARGIN * (high - low)
     stroke = (least + most) / 2, _REFERENCE_PART * (most - least) / 2
     return (low - margin, high + margin), stroke
 
 
+def _ranges(records: Sequence[Record]) -> tuple[float, float, float, float]:
+    """Lowest and highest command (V), and displacement (µm) of the samples that count."""
+    return (
+        min(float(r.u_V.min()) for r in records),
+        max(float(r.u_V.max()) for r in records),
+        min(float(r.y_um[r.error_mask].min()) for r in records),
+        max(float(r.y_um[r.error_mask].max()) for r in records),
+    )
+
+
 def data_scale(records: Sequence[Record]) -> DataScale:
     """Return centre, span, stroke, fastest rate and times of the records that move."""
-    low = min(float(r.u_V.min()) for r in records)
-    high = max(float(r.u_V.max()) for r in records)
-    y_low = min(float(r.y_um[r.error_mask].min()) for r in records)
-    y_high = max(float(r.y_um[r.error_mask].max()) for r in records)
+    low, high, y_low, y_high = _ranges(records)
     return DataScale(
         centre_V=0.5 * (low + high),
         span_V=0.5 * (high - low),

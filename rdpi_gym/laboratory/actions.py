@@ -17,15 +17,15 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted
 
 
-def _text(said: Mapping[str, Any], key: str) -> str:
-    value = said.get(key)
+def _text(body: Mapping[str, Any], key: str) -> str:
+    value = body.get(key)
     if not isinstance(value, str):
         raise InputError(f"{key} is {quoted(value)}; give a text")
     return value
 
 
-def _number(said: Mapping[str, Any], key: str) -> float:
-    value = said.get(key)
+def _number(body: Mapping[str, Any], key: str) -> float:
+    value = body.get(key)
     try:
         found = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -35,23 +35,23 @@ def _number(said: Mapping[str, Any], key: str) -> float:
     return found
 
 
-def _optional(said: Mapping[str, Any], key: str) -> float | None:
-    return None if said.get(key) in (None, "") else _number(said, key)
+def _optional(body: Mapping[str, Any], key: str) -> float | None:
+    return None if body.get(key) in (None, "") else _number(body, key)
 
 
-def _preview(lab: Lab, asked: Mapping[str, str]) -> Any:
+def _preview(lab: Lab, query: Mapping[str, str]) -> Any:
     session = lab.session
-    return preview(session.data_folder, session.files, _text(asked, "file"), asked.get("separator"))
+    return preview(session.data_folder, session.files, _text(query, "file"), query.get("separator"))
 
 
-def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:
+def _trace(lab: Lab, query: Mapping[str, str]) -> Any:
     data = lab.session.need_data()
-    record = views.record_named(data, _text(asked, "record"))
-    plant = lab.plant_shown(asked.get("step") or None)
-    effect = asked.get("effect")
-    other = lab.plant_with(effect, asked.get("step") or None) if effect else None
-    part = views.stretch(record, _optional(asked, "from_s"), _optional(asked, "to_s"))
-    points = int(_optional(asked, "points") or views.POINTS)
+    record = views.record_named(data, _text(query, "record"))
+    plant = lab.plant_shown(query.get("step") or None)
+    effect = query.get("effect")
+    other = lab.plant_with(effect, query.get("step") or None) if effect else None
+    part = views.stretch(record, _optional(query, "from_s"), _optional(query, "to_s"))
+    points = int(_optional(query, "points") or views.POINTS)
     return views.trace(
         record,
         None if plant is None else lab.displacement(plant, record.name),
@@ -61,34 +61,34 @@ def _trace(lab: Lab, asked: Mapping[str, str]) -> Any:
     )
 
 
-def _views(lab: Lab, asked: Mapping[str, str]) -> Any:
-    record, model_um = _modelled(lab, asked)
+def _views(lab: Lab, query: Mapping[str, str]) -> Any:
+    record, model_um = _modelled(lab, query)
     return views.residual_views(record, model_um, lab.noise_um())
 
 
-def _brush(lab: Lab, asked: Mapping[str, str]) -> Any:
-    record, model_um = _modelled(lab, asked)
-    ends = (_optional(asked, "from_s"), _optional(asked, "to_s"))
-    return views.brushed(record, model_um, asked.get("by") or "time", *ends)
+def _brush(lab: Lab, query: Mapping[str, str]) -> Any:
+    record, model_um = _modelled(lab, query)
+    ends = (_optional(query, "from_s"), _optional(query, "to_s"))
+    return views.brushed(record, model_um, query.get("by") or "time", *ends)
 
 
-def _modelled(lab: Lab, asked: Mapping[str, str]) -> tuple[Record, Array]:
+def _modelled(lab: Lab, query: Mapping[str, str]) -> tuple[Record, Array]:
     """Return a record, and what the model of a step makes of it (µm)."""
-    record = views.record_named(lab.session.need_data(), _text(asked, "record"))
-    plant = lab.plant_shown(asked.get("step") or None)
+    record = views.record_named(lab.session.need_data(), _text(query, "record"))
+    plant = lab.plant_shown(query.get("step") or None)
     if plant is None:
         raise InputError("there is no model yet; wait for the base model")
     return record, lab.displacement(plant, record.name)
 
 
-def take(lab: Lab, name: str, asked: Mapping[str, str]) -> tuple[str, str]:
+def take(lab: Lab, name: str, query: Mapping[str, str]) -> tuple[str, str]:
     """Return media type and content of a file to download."""
-    rate_hz = None if asked.get("rate_hz") is None else _number(asked, "rate_hz")
+    rate_hz = None if query.get("rate_hz") is None else _number(query, "rate_hz")
     return download(lab.session, name, rate_hz)
 
 
 QUESTIONS: Mapping[str, Callable[[Lab, Mapping[str, str]], Any]] = {
-    "examples": lambda lab, asked: [example.to_dict() for example in examples()],
+    "examples": lambda lab, query: [example.to_dict() for example in examples()],
     "preview": _preview,
     "trace": _trace,
     "views": _views,
@@ -97,27 +97,21 @@ QUESTIONS: Mapping[str, Callable[[Lab, Mapping[str, str]], Any]] = {
 """By the name of their path; answered in threads."""
 
 
-async def _parameter(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
-    effect = said.get("effect") or ""
-    name, value = _text(said, "parameter"), _number(said, "value")
+async def _parameter(lab: Lab, body: Mapping[str, Any]) -> dict[str, Any]:
+    effect = body.get("effect") or ""
+    name, value = _text(body, "parameter"), _number(body, "value")
     if not isinstance(effect, str):
         raise InputError(f"effect is {quoted(effect)}; give a text")
-    if said.get("commit"):
+    if body.get("commit"):
         return await lab.set_parameter(effect, name, value)
     plant = lab.moved(effect, name, value)
 
     def answer() -> dict[str, Any]:
         response = lab.respond(plant, keep=False)
-        found: dict[str, Any] = {
-            "errors": {
-                "train_um": views.number(response.errors.train_rmse_um),
-                "validation_um": views.number(response.errors.validation_rmse_um),
-            },
-            "trace": None,
-        }
-        if said.get("record"):
-            record = views.record_named(lab.session.need_data(), _text(said, "record"))
-            part = views.stretch(record, _optional(said, "from_s"), _optional(said, "to_s"))
+        found: dict[str, Any] = {"errors": views.errors_of(response.errors), "trace": None}
+        if body.get("record"):
+            record = views.record_named(lab.session.need_data(), _text(body, "record"))
+            part = views.stretch(record, _optional(body, "from_s"), _optional(body, "to_s"))
             model_um = response.model_um[record.name]
             found["trace"] = views.trace(record, model_um, None, part)
         return found
@@ -125,34 +119,34 @@ async def _parameter(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
     return await asyncio.to_thread(answer)
 
 
-async def _hold(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
-    effect = said.get("effect") or ""
-    return await lab.hold(str(effect), _text(said, "parameter"), bool(said.get("held")))
+async def _hold(lab: Lab, body: Mapping[str, Any]) -> dict[str, Any]:
+    effect = body.get("effect") or ""
+    return await lab.hold(str(effect), _text(body, "parameter"), bool(body.get("held")))
 
 
-async def _payoff(lab: Lab, said: Mapping[str, Any]) -> dict[str, Any]:
-    reference = said.get("reference")
+async def _payoff(lab: Lab, body: Mapping[str, Any]) -> dict[str, Any]:
+    reference = body.get("reference")
     if not isinstance(reference, dict):
         raise InputError(f"reference is {quoted(reference)}; give an object")
     return await lab.payoff(reference)
 
 
 ACTIONS: Mapping[str, Callable[[Lab, Mapping[str, Any]], Awaitable[dict[str, Any]]]] = {
-    "open": lambda lab, said: lab.open(),
-    "example": lambda lab, said: lab.take_example(_text(said, "key")),
-    "settings": lambda lab, said: lab.set_settings(said),
-    "core": lambda lab, said: lab.set_core(_text(said, "core")),
-    "rank": lambda lab, said: lab.rank(),
-    "cancel": lambda lab, said: lab.cancel(),
-    "add": lambda lab, said: lab.add(_text(said, "effect")),
-    "remove": lambda lab, said: lab.remove(_text(said, "effect")),
-    "unknown": lambda lab, said: lab.add("unknown"),
-    "undo": lambda lab, said: lab.undo(),
-    "redo": lambda lab, said: lab.redo(),
-    "go": lambda lab, said: lab.go(_text(said, "step")),
+    "open": lambda lab, body: lab.open(),
+    "example": lambda lab, body: lab.take_example(_text(body, "key")),
+    "settings": lambda lab, body: lab.set_settings(body),
+    "core": lambda lab, body: lab.set_core(_text(body, "core")),
+    "rank": lambda lab, body: lab.rank(),
+    "cancel": lambda lab, body: lab.cancel(),
+    "add": lambda lab, body: lab.add(_text(body, "effect")),
+    "remove": lambda lab, body: lab.remove(_text(body, "effect")),
+    "unknown": lambda lab, body: lab.add("unknown"),
+    "undo": lambda lab, body: lab.undo(),
+    "redo": lambda lab, body: lab.redo(),
+    "go": lambda lab, body: lab.go(_text(body, "step")),
     "hold": _hold,
-    "refit": lambda lab, said: lab.refit(),
-    "settle": lambda lab, said: lab.settle(),
+    "refit": lambda lab, body: lab.refit(),
+    "settle": lambda lab, body: lab.settle(),
     "parameter": _parameter,
     "payoff": _payoff,
 }

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.tracking.scoring import DIVERGED, UNSTABLE, WARNED, Caution
+from benchmarks.tracking.episode import DIVERGED, UNSTABLE, WARNED, Caution
 from rdpi_gym import face
+from rdpi_gym.laboratory.views import number, numbers
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.arrays import Array
@@ -160,10 +161,10 @@ def payoff(
             {
                 "controller": COMPENSATORS[name],
                 "name": name,
-                "before_um": _finite(blind.rmse_um),
-                "after_um": _finite(knowing.rmse_um),
-                "before_percent": _finite(blind.rmse_percent),
-                "after_percent": _finite(knowing.rmse_percent),
+                "before_um": number(blind.rmse_um),
+                "after_um": number(knowing.rmse_um),
+                "before_percent": number(blind.rmse_percent),
+                "after_percent": number(knowing.rmse_percent),
                 "warning": "; ".join(_warnings(blind.cautions, knowing.cautions)) or None,
             }
         )
@@ -192,22 +193,15 @@ def _warnings(blind: Sequence[Caution], knowing: Sequence[Caution]) -> Iterator[
         yield f"before: {worst[0]}"
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def _trace(title: str, blind: face.Tracking, knowing: face.Tracking, first: int) -> dict[str, Any]:
     errors = (tracking.displacement_um - knowing.reference_um for tracking in (blind, knowing))
     at = thin_index(knowing.reference_um, *errors, samples=_DRAWN)
 
-    def short(values: Array) -> list[float | None]:
-        return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values[at].tolist()]
-
     return {
         "controller": title,
-        "t_s": short(knowing.t_s),
-        "reference_um": short(knowing.reference_um),
-        "before_um": short(blind.displacement_um),
-        "after_um": short(knowing.displacement_um),
+        "t_s": numbers(knowing.t_s[at]),
+        "reference_um": numbers(knowing.reference_um[at]),
+        "before_um": numbers(blind.displacement_um[at]),
+        "after_um": numbers(knowing.displacement_um[at]),
         "counts_from_s": float(knowing.t_s[first]),
     }

@@ -15,6 +15,7 @@ from rdpi_gym import face
 from rdpi_gym.diagnosis.notices import Notice
 from rdpi_gym.laboratory.data_import import SETTINGS, data_files
 from rdpi_gym.laboratory.session import Session, Step
+from rdpi_gym.laboratory.views import numbers
 from rdpi_gym.report.thin import thin_index
 from rdpi_gym.support.documents import PLAIN
 from rdpi_gym.support.errors import InputError
@@ -296,7 +297,7 @@ def _session(session: Session) -> str:
 
 def _experiment(session: Session, rate_hz: float | None) -> str:
     present = session.present()
-    ranking = session.ranking_of(present.id)
+    ranking = session.rankings.get(present.id)
     if ranking is None or ranking.result is None:
         raise InputError("the next experiment is known when the ranking is done; wait for it")
     stated = PLAIN.read(Notice | None, ranking.result["advice"], "ranking: advice")
@@ -318,7 +319,7 @@ def experiment_shown(planned: face.PlannedExperiment | None) -> dict[str, Any] |
         "seconds": planned.seconds,
         "unit": planned.quantities.input.unit,
         "t_s": [float(f"{t:.9g}") for t in planned.t_s[at].tolist()],
-        "u": [float(f"{u:.6g}") for u in planned.u_V[at].tolist()],
+        "u": numbers(planned.u_V[at]),
     }
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from rdpi_gym import face
-from rdpi_gym.laboratory import compensator_comparison
+from rdpi_gym.laboratory import compensator_comparison, views
 from rdpi_gym.laboratory.downloads import experiment_shown
-from rdpi_gym.laboratory.work import Tell
+from rdpi_gym.laboratory.work import Tell, end_with_parent, serve
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.base import in_chain_order
@@ -20,7 +22,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import run_cases
 
 _RDPI = "rdpi"
-_TOLD = (
+_REPORTED = (
     "candidates", "chosen", "headline", "verdict", "sampling", "undecided", "remainder", "left",
     "next_experiment", "advice", "noise_floor", "noise_origin", "indistinguishable", "limits", "notes",
     "seconds", "base", "final",
@@ -39,7 +41,7 @@ def rank(
     if model is None:
         first = _first_fit(data, core)
         if first is not None:
-            errors = _errors(face.respond(first, data).errors)
+            errors = views.errors_of(face.respond(first, data).errors)
             found = {"effect": "", "form": "", "plant": first.to_dict(), **errors}
             tell.news("refit", found | {"parameters": {}, "standard_errors": {}, "at_bound": []})
     if jobs > 1:
@@ -54,7 +56,7 @@ def rank(
     )
     document = diagnosis.to_dict()
     portrait = diagnosis.portrait
-    return {key: document[key] for key in _TOLD} | {
+    return {key: document[key] for key in _REPORTED} | {
         "findings": [finding.sentence for finding in diagnosis.findings],
         "portrait_lines": [] if portrait is None else str(portrait).splitlines(),
         "lines": repr(diagnosis).splitlines(),
@@ -93,7 +95,7 @@ def add(
     """Add an effect that was not tried before, or ``unknown``: the block that records teach."""
     found = face.add(effect, data, model, jobs=jobs, progress=tell.progress)
     added = {"effect": effect, "form": found.added[0].form, "plant": found.plant.to_dict()}
-    return added | _errors(found.final)
+    return added | views.errors_of(found.final)
 
 
 def payoff(tell: Tell, **asked: Any) -> dict[str, Any]:
@@ -107,21 +109,11 @@ def refit_to_dict(refit: face.Refit) -> dict[str, Any]:
         "effect": refit.effect,
         "form": refit.form,
         "plant": None if refit.plant is None else refit.plant.to_dict(),
-        **_errors(refit.errors),
+        **views.errors_of(refit.errors),
         "parameters": dict(refit.parameters),
         "standard_errors": dict(refit.standard_errors),
         "at_bound": list(refit.at_bound),
         "remark": refit.remark,
-    }
-
-
-def _errors(errors: Any) -> dict[str, Any]:
-    found = asdict(errors)
-    finite = {k: None if v == np.inf else v for k, v in found.items() if k != "by_record_um"}
-    return {
-        "train_um": finite["train_rmse_um"],
-        "validation_um": finite["validation_rmse_um"],
-        "by_record_um": dict(found["by_record_um"]),
     }
 
 
@@ -133,16 +125,16 @@ def warm_up() -> None:
     every = tuple(kind() for kind in face.effects.values())
     looked.refit(replace(model.plant, effects=every[-1:]))
     looked.respond(replace(model.plant, effects=in_chain_order(every)))
-    with suppress(_EnoughError):
-        face.diagnose(data, jobs=1, on_candidate=_enough)
+    with suppress(_EarlyStopError):
+        face.diagnose(data, jobs=1, on_candidate=_stop_early)
 
 
-class _EnoughError(Exception):
+class _EarlyStopError(Exception):
     """Ends a search that has shown its beginning."""
 
 
-def _enough(refit: face.Refit) -> None:
-    raise _EnoughError
+def _stop_early(refit: face.Refit) -> None:
+    raise _EarlyStopError
 
 
 def _small() -> face.Dataset:
@@ -166,3 +158,16 @@ def warm_helpers(count: int) -> threading.Thread:
 
 def _warm(_: int) -> None:
     warm_up()
+
+
+def main(helpers: int | None) -> None:
+    """Do tasks from standard input until there are no more; helpers None: without warming up."""
+    end_with_parent()
+    # what a library prints is no message
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    if helpers is not None:
+        warm_up()
+        if helpers > 1:
+            warm_helpers(helpers)
+    serve(sys.stdin.buffer, answers)

@@ -230,7 +230,7 @@ class Lab(Models):
             )
         if any(own.name == effect for own in step.plant.effects):
             raise InputError(f"the model has {effect} already; choose another effect")
-        ranking = self.session.ranking_of(step.id)
+        ranking = self.session.rankings.get(step.id)
         found = None if ranking is None else ranking.refit_of(effect)
         await self._stop()
         label = f"{views.title_of(effect)} added"
@@ -334,7 +334,7 @@ class Lab(Models):
     async def settle(self) -> dict[str, Any]:
         """Take the model as the ranking ended with it: the same effects, its core in few numbers."""
         step = self.session.present()
-        ranking = self.session.ranking_of(step.id)
+        ranking = self.session.rankings.get(step.id)
         result = None if ranking is None else ranking.result
         if result is None or result.get("settled") is None:
             raise InputError("there is no settled model: rank first, and add what is missing")
@@ -365,15 +365,9 @@ class Lab(Models):
 
     def _set(self, step: Step, effect: str, parameter: str, value: float) -> Step:
         plant = _moved(step.plant, effect, parameter, value)
-        errors = self.respond(plant).errors
         made = {"kind": "set", "effect": effect, "parameter": parameter, "value": value}
         name = f"{views.title_of(effect)} {parameter}" if effect else parameter
-        found = {
-            "plant": plant.to_dict(),
-            "train_um": errors.train_rmse_um,
-            "validation_um": errors.validation_rmse_um,
-            "by_record_um": dict(errors.by_record_um),
-        }
+        found = {"plant": plant.to_dict(), **views.errors_of(self.respond(plant).errors)}
         return self._make_step(Pending(f"{name} set by hand", made, step.id, step.held), found)
 
     async def cancel(self) -> dict[str, Any]:

@@ -323,16 +323,16 @@ class Server:
 
     @_answering
     async def _action(self, request: Request) -> Any:
-        said, lab = await _json(request), await self._ready()
+        body, lab = await _json(request), await self._ready()
         from rdpi_gym.laboratory.actions import ACTIONS
 
         name = request.path_params["action"]
         if name not in ACTIONS:
             raise HTTPException(404)
-        if name == "parameter" and not said.get("commit"):
-            return await ACTIONS[name](lab, said)
+        if name == "parameter" and not body.get("commit"):
+            return await ACTIONS[name](lab, body)
         async with lab.acting:
-            return await ACTIONS[name](lab, said)
+            return await ACTIONS[name](lab, body)
 
     @_answering
     async def _file(self, request: Request) -> Any:

@@ -164,12 +164,10 @@ class Session:
         self.redo: list[str] = []  # undone steps, the next one first
         self.rankings: dict[str, Ranking] = {}  # this and the next two by step
         self.payoffs: dict[str, dict[str, Any]] = {}
-        self.said: dict[
-            str, dict[str, Any]
-        ] = {}  # `sentence` on the residual, and `noise_um` (µm rms)
-        self.files: dict[
-            str, dict[str, Any]
-        ] = {}  # `problem`, `row`, `column`: None where it was read
+        # `sentence` on the residual, and `noise_um` (µm rms)
+        self.said: dict[str, dict[str, Any]] = {}
+        # `problem`, `row`, `column`: None where it was read
+        self.files: dict[str, dict[str, Any]] = {}
         self._data: face.Dataset | None = None
         self._is_read = False
         self._count = 0
@@ -219,10 +217,6 @@ class Session:
         if step not in self.steps:
             raise InputError(f"step {quoted(step)} is not there; there are {some(self.steps)}")
         return self.steps[step]
-
-    def ranking_of(self, step: str) -> Ranking | None:
-        """Return the candidates that were tried on a step; None where none were."""
-        return self.rankings.get(step)
 
     def chain(self, step: str) -> list[str]:
         """Return the steps that lead to one, itself the last."""

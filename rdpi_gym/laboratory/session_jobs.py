@@ -275,7 +275,7 @@ class Models(SessionJobs):
     def plant_with(self, effect: str, step: str | None) -> PlantModel | None:
         """Return the model of a step with a candidate; None where it was not tried."""
         name = step or self.session.current
-        ranking = None if name is None else self.session.ranking_of(name)
+        ranking = None if name is None else self.session.rankings.get(name)
         return None if ranking is None else ranking.plant_with(effect)
 
     def _look(self) -> face.Inspection:
@@ -359,7 +359,7 @@ class Models(SessionJobs):
             by_record_um=refit["by_record_um"],
         )
         self.session.write({"do": "update", "step": better.to_dict()})
-        self._say(better.id)
+        self._describe(better.id)
         return better
 
     def _make_step(self, pending: Pending, found: Mapping[str, Any]) -> Step:
@@ -375,11 +375,11 @@ class Models(SessionJobs):
             pending.held,
         )
         self.session.write({"do": "step", "step": step.to_dict()})
-        self._say(step.id)
+        self._describe(step.id)
         self.events.changed()
         return step
 
-    def _say(self, step: str) -> None:
+    def _describe(self, step: str) -> None:
         """Find the sentence on where a step fails most, in the background."""
         self._in_background(self._compare(self.session.step(step)))
 

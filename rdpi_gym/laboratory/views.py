@@ -40,6 +40,15 @@ def number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else value
 
 
+def errors_of(errors: Any) -> dict[str, Any]:
+    """Return the errors of a model on records (µm rms)."""
+    return {
+        "train_um": number(errors.train_rmse_um),
+        "validation_um": number(errors.validation_rmse_um),
+        "by_record_um": {name: number(um) for name, um in errors.by_record_um.items()},
+    }
+
+
 def record_row(record: Record, file: str, said: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of the table of records."""
     at = thin_index(record.u_V, record.y_um, samples=_THUMBNAIL)

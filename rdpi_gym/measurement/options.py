@@ -42,7 +42,7 @@ def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
     return InputError(f"{where}: {quoted(name)} is unknown{hint}; known are {some(names, 24)}")
 
 
-def unit_factor(column: str, unit: str, where: str = "--units", shown: str = "") -> float:
+def unit_factor(column: str, unit: str, where: str, shown: str = "") -> float:
     """Give the factor from a unit of a column to s, V, µm or °C, or to the unit that it is shown in.
 
     A unit of u, y or reference that is neither a voltage nor a length is not converted: it becomes the
@@ -69,6 +69,12 @@ def unit_factor(column: str, unit: str, where: str = "--units", shown: str = "")
             right += " and those of other quantities, as kN; any other stands in dataset.toml, [quantities]"
         raise InputError(f"{where}: unit {quoted(unit)} of {column} is unknown; {right}")
     return known[plain]
+
+
+def check_units(units: Mapping[str, str], where: str = "--units") -> None:
+    """Refuse units that a column cannot have."""
+    for column, unit in units.items():
+        unit_factor(column, unit, where)
 
 
 def check_columns(columns: Mapping[str, str | int], where: str) -> None:
@@ -145,8 +151,7 @@ def parse_units(text: str) -> dict[str, str]:
     {'y': 'm', 't': 'ms'}
     """
     units = _parse_pairs(text, "--units", "y=m,t=ms")
-    for column, unit in units.items():
-        unit_factor(column, unit)
+    check_units(units)
     return units
 
 
@@ -202,8 +207,7 @@ class DataOptions:
         for name, hint in get_type_hints(DataOptions).items():
             check_type(getattr(self, name), hint, name)
         check_columns(self.columns, "--columns")
-        for column, unit in self.units.items():
-            unit_factor(column, unit)
+        check_units(self.units)
         if self.input is not None and (not self.input or "u" in self.columns):
             raise InputError(
                 f"--input {quoted(self.input)}: give the name of one column, and then no u in --columns"

@@ -250,12 +250,7 @@ def hold_out_quarter(record: Record) -> tuple[Record, Record]:
     """
     counted = np.flatnonzero(record.error_mask)
     held_out = counted[counted.size - counted.size // 4 :]
-    validation = np.zeros_like(record.error_mask)
-    validation[held_out] = True
-    return (
-        replace(record, role="train", error_mask=record.error_mask & ~validation),
-        replace(record, role="validation", error_mask=validation),
-    )
+    return _parted(record, held_out)
 
 
 def hold_out_blocks(record: Record, blocks: int = 16, every: int = 4) -> tuple[Record, Record]:
@@ -285,6 +280,10 @@ def hold_out_blocks(record: Record, blocks: int = 16, every: int = 4) -> tuple[R
     """
     counted = np.flatnonzero(record.error_mask)
     held_out = np.concatenate(np.array_split(counted, blocks)[every - 1 :: every])
+    return _parted(record, held_out)
+
+
+def _parted(record: Record, held_out: NDArray[np.intp]) -> tuple[Record, Record]:
     validation = np.zeros_like(record.error_mask)
     validation[held_out] = True
     return (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from rdpi_gym.measurement.options import check_columns, check_skip, unit_factor, unknown_name
+from rdpi_gym.measurement.options import check_columns, check_skip, check_units, unknown_name
 from rdpi_gym.measurement.quantities import SIDES
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.measurement.text import read_lines
@@ -72,7 +72,7 @@ class RecordSettings:
                     "seconds, as in [[36.9, 37.5]]"
                 )
         check_columns(self.columns, "columns")
-        _check_units(self.units)
+        check_units(self.units, "units")
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Settings:
     def __post_init__(self) -> None:
         check_skip(self.skip_s, "skip_s")
         check_columns(self.columns, "columns")
-        _check_units(self.units)
+        check_units(self.units, "units")
         _refuse_unknown("quantities", self.quantities, SIDES)
         named = {s: {k: t.strip() for k, t in own.items()} for s, own in self.quantities.items()}
         object.__setattr__(self, "quantities", named)
@@ -141,11 +141,6 @@ def parse_settings(text: str, path: str, record_names: Iterable[str] | None = No
     if record_names is not None:
         _refuse_unknown(f"{path}: records", found.records, record_names)
     return found
-
-
-def _check_units(units: Mapping[str, str]) -> None:
-    for column, unit in units.items():
-        unit_factor(column, unit, "units")
 
 
 def _refuse_unknown(where: str, table: Mapping[str, Any], known: Iterable[str]) -> None:

@@ -15,9 +15,8 @@ import pandas as pd
 from baselines import FEEDFORWARDS, LEARNED, make_controller
 from baselines.learned.options import PLANTS, TrainingOptions
 from benchmarks.tracking.case import Case
-from benchmarks.tracking.episode import record
-from benchmarks.tracking.fingerprint import code_fingerprint, task_fingerprint
-from benchmarks.tracking.scoring import ERROR, Score, one_line, score_lane, words
+from benchmarks.tracking.controllers import code_fingerprint, task_fingerprint
+from benchmarks.tracking.episode import ERROR, Score, one_line, record, score_lane, words
 from benchmarks.tracking.stages import NOISE_UM, Stage, cases, largest_rate_V_s, make_stage
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.controller import warning_of

@@ -1,4 +1,4 @@
-"""A controller on a plant, sample by sample: what it commands and how far it is off."""
+"""A controller on a plant, sample by sample: commands and errors; and policies that nobody has trained."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rdpi_gym.envs import TrackingTask
+from rdpi_gym.envs import ObservationLayout, TrackingTask
+from rdpi_gym.plant import P10
 
 
 class Played(NamedTuple):
@@ -46,3 +47,27 @@ def play(controller: Any, truths: Any, r: Any, rngs: Any = None, layout: Any = N
 def rms(errors_um: Any) -> float:
     """Root mean square of errors (µm)."""
     return float(np.sqrt(np.mean(np.square(errors_um))))
+
+
+def make_policy(
+    action: Any = "correction",
+    hidden: Any = (8,),
+    history: int = 3,
+    output: str = "Hardtanh",
+    baseline: Any = "classical-static",
+    scale_V: float = 8.0,
+    seed: int = 0,
+    **fields: Any,
+) -> Any:
+    """Return a policy with weights that were drawn, which looks ahead by two samples."""
+    import torch
+
+    from baselines.learned.policy import Network, Policy
+
+    torch.manual_seed(seed)
+    layout = ObservationLayout.for_plant(
+        P10, ts_s=1e-4, preview=2, action=action, action_scale_V=scale_V
+    )
+    actor = Network((layout.size + 3 * history, *hidden, 1), "Tanh", output).build()
+    corrected = baseline if action == "correction" else None
+    return Policy(layout, history, 100.0, 0.02, actor, corrected, **fields)

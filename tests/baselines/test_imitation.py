@@ -21,7 +21,7 @@ from baselines.learned.imitation.policy import StudentPolicy
 from baselines.learned.imitation.rounds import Options, train
 from baselines.learned.imitation.student import ERRORS, UNIT_UM, WEIGHTED, Student, fresh_arrays
 from baselines.learned.imitation.teacher import roll_out, student_lanes
-from benchmarks.stages.unit import Unit, run_unit
+from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks.one_effect import RESONANCE_TASK
 from rdpi_gym.envs.tasks.structure import structure_belief, structure_truth

@@ -12,7 +12,7 @@ pytest.importorskip("torch")
 from baselines import make_controller
 from baselines.base import Baseline
 from baselines.learned.controller import FALLBACK, Guarded, find_learned
-from baselines.learned.envelope import QUANTITIES
+from baselines.monitors import QUANTITIES
 from baselines.registry import known_controller
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout, TrackingTask

@@ -22,20 +22,13 @@ from baselines.learned.policy import Network, Policy, policy_folder
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
+from tests.baselines.playing import make_policy
 
 P10 = named_plant("P10")
 
 
 def layout(**fields):
     return ObservationLayout.for_plant(P10, ts_s=1e-4, **({"preview": 2} | fields))
-
-
-def make_policy(action="correction", history=3, seed=0, output="Hardtanh", **fields):
-    torch.manual_seed(seed)
-    shown = layout(action=action, action_scale_V=8.0)
-    actor = Network((shown.size + 3 * history, 8, 1), "Tanh", output).build()
-    baseline = "classical-static" if action == "correction" else None
-    return Policy(shown, history, 100.0, 0.02, actor, baseline, **fields)
 
 
 def test_a_policy_comes_back_as_it_was_saved_and_another_takes_its_place(tmp_path):

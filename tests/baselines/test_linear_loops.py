@@ -14,7 +14,6 @@ from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.support.errors import InputError
-from tests.baselines.loop_response import measure_loop
 from tests.baselines.playing import play
 
 TS = 1e-4
@@ -49,9 +48,12 @@ def made(name, belief, settings=None):
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_loop_that_runs_is_the_loop_that_was_designed(name):
+    assert_runs_as_designed(made(name, STAGE, {}), STAGE)
+
+
+def assert_runs_as_designed(controller, plant):
     """On its belief, with sticking plays, noise that enters is answered by -P C / (1 + P C)."""
-    controller = made(name, STAGE, {})
-    task = TrackingTask(STAGE, controller.layout)
+    task = TrackingTask(plant, controller.layout)
     rest = np.zeros((600, 1))
     observation = task.reset(rest)
     kick = np.zeros(600)
@@ -157,50 +159,33 @@ def worst_growth(loop: LinearSystem, low, high, rng):
     return max(growth)
 
 
+def bandwidth_hz(controller):
+    """Frequency (Hz) up to which plays that stick leave the amplitude of the reading within 3 dB."""
+    frequencies_hz = np.geomspace(1.0, 1500.0, 400)
+    z = np.exp(2j * np.pi * TS * frequencies_hz)
+    tracking = 1.0 - 1.0 / (1.0 + controller.open_loops[0].response(z))
+    within = np.abs(20.0 * np.log10(np.abs(tracking))) <= 3.0
+    return frequencies_hz[np.argmin(within) - 1]
+
+
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
-        (
-            "dual-loop",
-            {
-                "damping_share": 0.9,
-                "corner_share": 0.85,
-                "gain_share": 0.54,
-                "proportional_s": 1e-5,
-                "lowpass_hz": 2100.0,
-            },
-        ),
+        ("dual-loop", {"damping_share": 0.9, "corner_share": 0.85, "gain_share": 0.54,
+                       "proportional_s": 1e-5, "lowpass_hz": 2100.0}),
         ("h-infinity", {"bandwidth_hz": 500.0, "effort": 7e-3, "roll_off_hz": 4000.0}),
     ],
-)
+)  # fmt: skip
 def test_damped_feedback_alone_reaches_beyond_the_mode(name, settings):
-    """Measured by a multisine in the loop: on the stage of arXiv 2412.18374, a mode at 739 Hz."""
+    """Of the loop that runs, on the stage of arXiv 2412.18374: a mode at 739 Hz."""
     banded = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
     ringing = replace(banded, effects=STAGE.effects[:1])
     controller = made(name, ringing, settings)
-    loop = measure_loop(
-        controller, ringing, controller.layout, 0.1, samples=500, highest_hz=1500.0, at="reading"
-    )
-    assert loop.bandwidth_hz() >= 739.0
-    designed = controller.open_loops[0]
-    z = np.exp(2j * np.pi * TS * loop.frequencies_hz)
-    np.testing.assert_allclose(np.abs(loop.error - 1 / (1 + designed.response(z))), 0.0, atol=0.05)
+    assert_runs_as_designed(controller, ringing)
+    assert bandwidth_hz(controller) >= 739.0
+    z = np.exp(2j * np.pi * TS * np.geomspace(1.0, 1500.0, 400))
     assert max(np.abs(1 / (1 + each.response(z))).max() for each in controller.open_loops) < 2.2
-    plain = made("pi-preview", ringing, {})
-    without = measure_loop(plain, ringing, plain.layout, 0.1, samples=500, at="reading")
-    assert without.bandwidth_hz() < 0.5 * loop.bandwidth_hz()
-
-
-def test_an_error_that_is_known_is_measured():
-    small = STATIC.with_hysteresis(
-        replace(STATIC.hysteresis, weights=tuple(0.99 * w for w in STATIC.hysteresis.weights))
-    )
-    layout = layout_of(STATIC)
-    open_loop = make_controller("classical-static", STATIC, layout)
-    measured = measure_loop(open_loop, small, layout, 0.1, samples=200)
-    np.testing.assert_allclose(np.abs(measured.error), 0.01, rtol=1e-2)
-    assert measured.accuracy_hz(0.02) == measured.frequencies_hz[-1]
-    assert measured.accuracy_hz(0.005) == 0.0
+    assert bandwidth_hz(made("pi-preview", ringing, {})) < 0.5 * bandwidth_hz(controller)
 
 
 def test_feedback_takes_off_what_an_adaptive_feedforward_leaves():

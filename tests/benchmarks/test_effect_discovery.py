@@ -15,13 +15,19 @@ import pytest
 from benchmarks import foreign_effects, hidden_effects
 from benchmarks.effect_discovery import foreign, independent
 from benchmarks.effect_discovery.__main__ import main
-from benchmarks.effect_discovery.bench import Bench
 from benchmarks.effect_discovery.cases import Case, Prepared, Sampled, run_case, source_files
-from benchmarks.effect_discovery.foreign import FOREIGN, OUTSIDE
+from benchmarks.effect_discovery.foreign import (
+    FOREIGN,
+    KINDS,
+    OUTSIDE,
+    degrade,
+    through_files,
+    true_residual,
+)
 from benchmarks.effect_discovery.forms import EFFECTS, FORMS, Mechanism
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.physics import linear, plays_by_substeps, plays_by_turning_points
-from benchmarks.effect_discovery.plants import Foreign
+from benchmarks.effect_discovery.plants import Bench, Foreign
 from benchmarks.effect_discovery.protocols import (
     PROTOCOLS,
     Drive,
@@ -30,27 +36,21 @@ from benchmarks.effect_discovery.protocols import (
     held,
     smooth,
 )
-from benchmarks.effect_discovery.sampled import (
-    KINDS,
-    degrade,
-    through_files,
-    true_residual,
-)
-from benchmarks.effect_discovery.scoring import judge, judge_statements, judgements
-from benchmarks.effect_discovery.summary import (
+from benchmarks.effect_discovery.report import (
     REPORTS,
     agreement,
     by_subject,
     foreign_targets,
     independent_targets,
+    judge,
+    judge_statements,
+    judgements,
 )
 from benchmarks.rows import run_rows
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, View, steps_of
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel, settled_memory
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.store import named_rows
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError
 from tests.looping import over
 
@@ -115,11 +115,18 @@ def test_a_smooth_command_differs_by_its_turns_between_the_samples_alone(delta2_
     np.testing.assert_allclose(straight, package(u, 1e-3, delta2_s=delta2_s), atol=1e-11)
 
 
-def test_a_delay_of_whole_samples_is_the_catalogues():
-    u, late = steps(), CATALOGUE["delay"](delay_s=3e-3)
-    hidden = Mechanism(form("delay", "whole samples"), {"delay_s": 3e-3})
+@over(
+    "effect, name, numbers",
+    [
+        ("delay", "whole samples", {"delay_s": 3e-3}),
+        ("backlash", "gap", {"half_width_um": 0.4}),
+    ],
+)
+def test_a_form_of_the_catalogue_is_the_catalogues(effect, name, numbers):
+    u, kind = steps(), CATALOGUE[effect]
+    hidden = Mechanism(form(effect, name), numbers)
     (y,) = bench(held(u, 8), 1e-3, 8, [hidden]).displacements()
-    np.testing.assert_allclose(y, package(u, 1e-3, late), atol=1e-11)
+    np.testing.assert_allclose(y, package(u, 1e-3, kind(**numbers)), atol=1e-11)
 
 
 def test_one_pole_is_the_catalogues_lag_and_one_element_creeps_as_an_exponential():
@@ -134,13 +141,6 @@ def test_one_pole_is_the_catalogues_lag_and_one_element_creeps_as_an_exponential
     since = (np.arange(2000) + 0.5) * 1e-3
     expected = 0.5 * (1.0 + 0.04 * -np.expm1(-since / 0.3))
     np.testing.assert_allclose(y[10:], expected, atol=0.5 * 0.04 * 1.25e-4 / 0.3)
-
-
-def test_a_gap_on_the_displacement_is_the_catalogues():
-    u, gap = steps(), CATALOGUE["backlash"](half_width_um=0.4)
-    hidden = Mechanism(form("backlash", "gap"), {"half_width_um": 0.4})
-    (y,) = bench(held(u, 8), 1e-3, 8, [hidden]).displacements()
-    np.testing.assert_allclose(y, package(u, 1e-3, gap), atol=1e-11)
 
 
 # --- the draws ---
@@ -168,8 +168,7 @@ def test_the_studies_have_the_cases_that_the_targets_need():
     assert len(by_study["pairs"]) == possible * 3
     assert len({case.subject for case in by_study["pairs"]}) == possible
     assert len(by_study["none"]) == 100
-    variants = {case.variant for case in by_study["invariance"]}
-    assert variants == {
+    assert {case.variant for case in by_study["invariance"]} == {
         "order shuffled", "sampling time halved", "other units", "sign reversed",
     }  # fmt: skip
 
@@ -286,16 +285,18 @@ JUDGED = [  # subject, names, further fields, first, first by class, found, by c
 ]  # fmt: skip
 
 
-def test_a_right_name_a_member_of_its_class_and_a_wrong_one():
-    for subject, names, changed, first, first_by_class, found, by_class, additions in JUDGED:
-        judged, case = judge(row(subject, names, **changed)), (subject, names, changed)
-        assert judged["first"] == first, case
-        assert judged["first_by_class"] is first_by_class, case
-        assert judged["first_exact"] is (first in subject), case
-        assert judged["first_right"] is (first_by_class or first in subject), case
-        assert (judged["found"], judged["found_by_class"]) == (found, by_class), case
-        assert judged["additions"] == additions, case
-        assert (judged["all_true"] is None) is (changed.get("status") == "failed"), case
+@over("subject, names, changed, first, first_by_class, found, by_class, additions", JUDGED)
+def test_a_right_name_a_member_of_its_class_and_a_wrong_one(
+    subject, names, changed, first, first_by_class, found, by_class, additions
+):
+    judged = judge(row(subject, names, **changed))
+    assert judged["first"] == first
+    assert judged["first_by_class"] is first_by_class
+    assert judged["first_exact"] is (first in subject)
+    assert judged["first_right"] is (first_by_class or first in subject)
+    assert (judged["found"], judged["found_by_class"]) == (found, by_class)
+    assert judged["additions"] == additions
+    assert (judged["all_true"] is None) is (changed.get("status") == "failed")
 
 
 def test_the_ratio_is_the_validation_error_over_the_noise():
@@ -305,31 +306,40 @@ def test_the_ratio_is_the_validation_error_over_the_noise():
     assert (wrong["ratio"], wrong["within"]) == (pytest.approx(math.sqrt(2)), False)
 
 
-SHARES = [  # clean and by input (µm), what is stated of the share, whether that is true
-    (0.05, 0.04, {"low": 0.60, "high": 0.80}, True),  # the share is 0.64
-    (0.05, 0.04, {"low": 0.73, "high": 0.90}, True),  # within the margin
-    (0.05, 0.04, {"low": 0.75, "high": 0.90}, False),
-    (0.004, 0.004, {"low": 0.0, "high": 0.0}, None),  # nothing that could be shared
-    (0.05, 0.04, {}, None),
-    (0.05, 0.04, None, None),
-]
+CLEAN = {"clean_um": 0.05, "by_input_um": 0.04}
+MUCH = {"clean_um": 0.02, "by_input_um": 0.02}
+LITTLE = {"clean_um": 0.004, "by_input_um": 0.004}
+UNEXPLAINED, MODE = {"verdict": "unexplained"}, [{"effect": "resonance", "f0_hz": 200.0}]
+STATED = [  # fields of the row, changes of its truth, the statement, whether that is true
+    # the share that follows from the input is 0.64
+    ({"true_left": CLEAN, "left": {"low": 0.60, "high": 0.80}}, {}, "share_true", True),
+    # within the margin
+    ({"true_left": CLEAN, "left": {"low": 0.73, "high": 0.90}}, {}, "share_true", True),
+    ({"true_left": CLEAN, "left": {"low": 0.75, "high": 0.90}}, {}, "share_true", False),
+    # nothing that could be shared
+    ({"true_left": LITTLE, "left": {"low": 0.0, "high": 0.0}}, {}, "share_true", None),
+    ({"true_left": CLEAN, "left": {}}, {}, "share_true", None),
+    ({"true_left": CLEAN, "left": None}, {}, "share_true", None),
+    # what could hide is an upper limit
+    ({"true_left": CLEAN, "left": {"low": 0.0, "high": 1.0, "hidden_um": 0.05}}, {}, "hidden_true", True),
+    ({"true_left": CLEAN, "left": {"low": 0.0, "high": 1.0, "hidden_um": 0.02}}, {}, "hidden_true", False),
+    # explained is false with error left, unless the truth knows that it lies between the samples
+    ({"true_left": MUCH, "verdict": "explained"}, {}, "explained_true", False),
+    ({"true_left": MUCH, "verdict": "explained", "numerical_floor_um": 0.02}, {}, "explained_true", False),
+    ({"true_left": MUCH, "verdict": "explained", "numerical_floor_um": 0.02}, {"sampling_um": 0.02}, "explained_true", True),
+    # sampling faster is of use where something lies between the samples
+    ({"sampling": "Sample faster than 2000 Hz."}, {}, "sampling_true", False),
+    ({"sampling": "Sample faster than 2000 Hz."}, {"hidden": MODE}, "sampling_true", True),
+]  # fmt: skip
 
 
-def test_the_share_that_follows_from_the_input():
-    for clean, part, left, true in SHARES:
-        true_left = {"clean_um": clean, "by_input_um": part}
-        judged = judge_statements(row([], verdict="unexplained", true_left=true_left, left=left))
-        assert judged["share_true"] is true, (clean, part, left)
-        assert judged["all_true"] is (true is not False), (clean, part, left)
-
-
-def test_what_could_hide_is_an_upper_limit():
-    true_left = {"clean_um": 0.05, "by_input_um": 0.04}
-    said = {"low": 0.0, "high": 1.0, "hidden_um": 0.05}
-    found = row([], verdict="unexplained", true_left=true_left, left=said)
-    assert judge_statements(found)["hidden_true"] is True
-    found["left"] = said | {"hidden_um": 0.02}
-    assert judge_statements(found)["all_true"] is False
+@over("changed, truth, statement, true", STATED)
+def test_a_statement_is_judged_by_the_truth(changed, truth, statement, true):
+    made = row([], **(UNEXPLAINED | changed))
+    made["truth"] |= truth
+    judged = judge_statements(made)
+    assert judged[statement] is true
+    assert judged["all_true"] is (true is not False)
 
 
 def test_findings_are_set_beside_what_was_done_to_the_data():
@@ -338,22 +348,6 @@ def test_findings_are_set_beside_what_was_done_to_the_data():
     assert (judge(found)["noticed"], judge(found)["findings"]) == (True, "clock+frozen")
     found["truth"]["degraded"] = "spikes"
     assert judge(found)["noticed"] is False
-
-
-def test_explained_is_false_with_error_left_unless_it_lies_between_the_samples():
-    much = {"clean_um": 0.02, "by_input_um": 0.02}
-    assert judge_statements(row([], true_left=much))["explained_true"] is False
-    stated = row([], true_left=much, numerical_floor_um=0.02)
-    assert judge_statements(stated)["explained_true"] is False  # the truth knows of no such floor
-    stated["truth"]["sampling_um"] = 0.02
-    assert judge_statements(stated)["explained_true"] is True
-
-
-def test_sample_faster_is_true_where_something_lies_between_the_samples():
-    said = row([], verdict="unexplained", sampling="Sample faster than 2000 Hz.")
-    assert judge_statements(said)["all_true"] is False
-    said["truth"]["hidden"] = [{"effect": "resonance", "f0_hz": 200.0}]
-    assert judge_statements(said)["all_true"] is True
 
 
 def test_independent_targets_are_counted_over_their_studies():
@@ -377,10 +371,8 @@ def test_independent_targets_are_counted_over_their_studies():
 
 
 def test_foreign_targets_count_exact_and_by_class():
-    rows = [
-        row(["delay"], ["delay"]), row(["delay"], ["sensor_lag"], alike=CLASS),
-        row(["delay"], ["creep"]), row([], [], study="none"),
-    ]  # fmt: skip
+    names = (["delay"], ["sensor_lag"], ["creep"])
+    rows = [row(["delay"], each, alike=CLASS) for each in names] + [row([], [], study="none")]
     found = {(t.study, t.asks): t for t in foreign_targets(rows)}
     first = found["single", "the right effect ranked first"]
     assert (first.reached, first.cases, first.by_class, first.is_met) == (2, 3, 1, False)
@@ -540,15 +532,11 @@ def test_an_interrupted_study_continues_and_rows_of_changed_code_are_set_aside(q
 
     with pytest.raises(KeyboardInterrupt):
         study("first", stop=2)
-    with (tmp_path / "rows.jsonl").open("a") as stream:
-        stream.write('{"key": "single/cre')  # torn
     done.clear()
     rows = study("first")
     assert seen == ["creep", "delay"] * 2
     assert done == [(2, 4), (3, 4), (4, 4)]
     assert [r["key"] for r in rows] == [case.key for case in cases]
-    assert len(named_rows(tmp_path / "rows.jsonl").rows) == 4
-    notes.clear()
     study("changed")
     assert len(seen) == 8
     aside = tmp_path / "rows-stale-1.jsonl"
@@ -561,12 +549,6 @@ def test_the_rows_of_one_truth_do_not_depend_on_the_other():
     assert own == {"cases", "independent", "outsiders"}
     assert other >= {"cases", "foreign", "forms", "physics", "protocols", "outsiders"}
     assert "independent" not in other
-
-
-def test_a_foreign_file_is_no_store(tmp_path):
-    (tmp_path / "rows.jsonl").write_text('{"format": "rdpi-bench-rows", "version": 1}\n')
-    with pytest.raises(InputError, match="not a file of rows that this release wrote"):
-        named_rows(tmp_path / "rows.jsonl")
 
 
 def test_rows_are_json():

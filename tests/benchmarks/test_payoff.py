@@ -11,18 +11,24 @@ import pandas as pd
 import pytest
 
 from benchmarks.payoff import __main__ as command
-from benchmarks.payoff import beliefs, scores
-from benchmarks.payoff.beliefs import (
+from benchmarks.payoff import scores
+from benchmarks.payoff.report import (
+    payoff_part,
+    payoff_picture,
+    payoff_section,
+    payoff_summary,
+    payoff_text,
+    summary_view,
+)
+from benchmarks.payoff.scores import (
     BELIEFS,
     HIDDEN_PLANTS,
     HiddenPlant,
     make_beliefs,
     stored_beliefs,
 )
-from benchmarks.payoff.charts import payoff_picture, payoff_section
-from benchmarks.payoff.tables import payoff_part, payoff_summary, payoff_text, summary_view
 from benchmarks.tracking import selection
-from benchmarks.tracking.leaderboard import COLUMNS
+from benchmarks.tracking.evaluation import COLUMNS
 from rdpi_gym.cli import main
 from rdpi_gym.face import benchmarking
 from rdpi_gym.plant import P10
@@ -113,9 +119,8 @@ def test_finished_rows_are_kept_and_those_of_another_belief_set_aside(small, mon
 
 def test_tables_page_and_picture_say_what_diverged(small):
     table = small[1].copy()
-    table.loc[
-        (table["controller"] == scores.PREVIEW_INVERSION) & (table["belief"] == "bare"), "status"
-    ] = "diverged: the error is larger than that of standing still"
+    lost = (table["controller"] == scores.PREVIEW_INVERSION) & (table["belief"] == "bare")
+    table.loc[lost, "status"] = "diverged: the error is larger than that of standing still"
     summary = payoff_summary(table)
     oracle = summary[summary["controller"] == scores.PREVIEW_INVERSION].iloc[0]
     assert oracle["diverged"] == "bare"
@@ -127,13 +132,8 @@ def test_tables_page_and_picture_say_what_diverged(small):
     for text in (payoff_text(table), payoff_part(table)):
         assert "| P10 with creep and sensor_lag | preview-inversion | diverged |" in text
     assert payoff_picture(summary).startswith(b"\x89PNG")
-    section = payoff_section(summary, summary_view(summary), "Method.")
-    notes = [
-        mark.text
-        for panel in section.figure.panels
-        for mark in panel.marks
-        if hasattr(mark, "text")
-    ]
+    panels = payoff_section(table).figure.panels
+    notes = [mark.text for panel in panels for mark in panel.marks if hasattr(mark, "text")]
     assert "bare: diverged" in notes
     assert set(COLUMNS) < set(table.columns)
 
@@ -168,14 +168,14 @@ def test_beliefs_are_made_once_and_anew_for_other_records(tmp_path, monkeypatch)
         assert len(dataset.records) == 16
         return {"fitted": base, "discovered": LAG.plant}
 
-    monkeypatch.setattr(beliefs, "_measured", measured)
-    monkeypatch.setattr(beliefs, "simulate_dataset", lambda truth: _Records(truth))
+    monkeypatch.setattr(scores, "_measured", measured)
+    monkeypatch.setattr(scores, "simulate_dataset", lambda truth: _Records(truth))
     found = make_beliefs(LAG, tmp_path)
     assert found["discovered"].effects == LAG.hidden
     assert make_beliefs(LAG, tmp_path) == found
     assert stored_beliefs(LAG, tmp_path) == found
     assert calls == [0]
-    monkeypatch.setattr(beliefs, "study_fingerprint", lambda: "changed")
+    monkeypatch.setattr(scores, "study_fingerprint", lambda: "changed")
     make_beliefs(LAG, tmp_path)
     make_beliefs(LAG, tmp_path, seed=3)
     assert calls == [0, 0, 3]
@@ -191,19 +191,16 @@ class _Records:
         self.records = truth.experiments()
 
 
-@over(
-    "arguments, said",
-    [
+def test_bad_input_is_one_line_and_status_2(capsys):
+    for arguments, message in (
         (["--seed", "-1"], "--seed is -1; give 0 or more"),
         (["--jobs", "0"], "--jobs is 0; give the number of processes"),
         (["--out", __file__], "is a file; give a folder"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(arguments, said, capsys):
-    assert command.main(arguments) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
+    ):
+        assert command.main(arguments) == 2, arguments
+        error = capsys.readouterr().err
+        assert message in error, arguments
+        assert error.count("\n") == 1, arguments
 
 
 def test_a_plant_with_another_form_has_a_name_and_files_of_its_own():

@@ -13,10 +13,9 @@ from benchmarks.paper import (
     sweep_rows,
     to_csv,
 )
-from benchmarks.paper.cases import section_iii
+from benchmarks.paper.claims import section_iii
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
-from tests.looping import over
 
 COLUMNS = (
     "case,reading,plant,frequency_hz,ts_s,max_error_um,rms_error_um,max_command_rate_V_s,"
@@ -40,38 +39,43 @@ def folder(tmp_path_factory):
     return out
 
 
-def test_files_are_written(folder):
+def test_files_are_written_and_the_page_shows_every_figure_and_verdict(folder):
     assert (folder / "paper.csv").read_text(encoding="utf-8").splitlines()[0] == COLUMNS
+    page = (folder / "paper.md").read_text(encoding="utf-8")
     for name in FIGURES:
         assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert f"({name}.png)" in page
     assert {p.name for p in folder.iterdir()} == {
         "paper.md", "paper.csv", "sweep.csv", "implementation.csv",
         *(f"{name}.png" for name in FIGURES),
     }  # fmt: skip
-
-
-def test_page_shows_every_figure_and_verdict(folder):
-    page = (folder / "paper.md").read_text(encoding="utf-8")
-    assert all(f"({name}.png)" in page for name in FIGURES)
     opening = page.partition("## How to read")[0]
-    assert "static plant with g = 2 the command is up to 3 times as fast" in opening
-    assert "has 1.23" in opening
-    assert "0.252 ms" in opening
-    assert "0.382 ms" in opening
-    assert "*given* and *low-passed in both*" in opening
+    for words in (
+        "static plant with g = 2 the command is up to 3 times as fast", "has 1.23", "0.252 ms",
+        "0.382 ms", "*given* and *low-passed in both*",
+    ):  # fmt: skip
+        assert words in opening
+
+
+HEADLINES = (
+    "The first holds at 25 Hz and 50 Hz",
+    "At 1 Hz the largest error grows again",
+    "a largest error of 0.35 µm is left, 3.5 % of the amplitude",
+    "on a static plant with g = 2 the command is up to 3 times as fast",
+)
+IN_README = (
+    "to 0.35 µm at 1 µs, 3.5 % of the amplitude, and no further",
+    "above 0.252 ms (Section III-B) and 0.382 ms (Section IV-B)",
+    "with g = 2 the command has spikes of three times the smooth rate",
+    "record has g = 1.23",
+)
 
 
 def test_committed_headlines_agree_with_the_readme():
     page = (COMMITTED / "paper.md").read_text(encoding="utf-8")
-    assert "The first holds at 25 Hz and 50 Hz" in page
-    assert "At 1 Hz the largest error grows again" in page
-    assert "a largest error of 0.35 µm is left, 3.5 % of the amplitude" in page
-    assert "on a static plant with g = 2 the command is up to 3 times as fast" in page
     readme = " ".join((COMMITTED.parents[2] / "README.md").read_text(encoding="utf-8").split())
-    assert "to 0.35 µm at 1 µs, 3.5 % of the amplitude, and no further" in readme
-    assert "above 0.252 ms (Section III-B) and 0.382 ms (Section IV-B)" in readme
-    assert "with g = 2 the command has spikes of three times the smooth rate" in readme
-    assert "record has g = 1.23" in readme
+    assert [words for words in HEADLINES if words not in page] == []
+    assert [words for words in IN_README if words not in readme] == []
 
 
 def test_rows_hold_the_paper_values_and_a_verdict_each(folder):
@@ -136,34 +140,22 @@ def test_progress_goes_from_0_to_1():
     assert shares[-1] < 1.0
 
 
-@over(
-    "words, expected",
-    [
+def test_bad_options_and_arguments_are_refused(tmp_path, capsys):
+    taken = tmp_path / "taken"
+    taken.write_text("kept")
+    for words, expected in (
         (["--seed", "-1"], "--seed"),
         (["--realisations", "1"], "--realisations"),
         (["--realisations", "many"], "--realisations"),
         (["--speed", "9"], "--speed"),
-    ],
-)
-def test_bad_options_are_refused_in_one_line(words, expected, tmp_path, capsys):
-    assert main(["reproduce", "--out", str(tmp_path / "x"), *words]) == 2
-    line = capsys.readouterr().err
-    assert expected in line
-    assert line.count("\n") == 1
-    assert not (tmp_path / "x").exists()
-
-
-def test_a_file_as_folder_is_refused_before_anything_is_computed(tmp_path, capsys):
-    path = tmp_path / "taken"
-    path.write_text("kept")
-    assert main(["reproduce", "--out", str(path)]) == 2
-    line = capsys.readouterr().err
-    assert str(path) in line
-    assert line.count("\n") == 1
-    assert path.read_text() == "kept"
-
-
-@over("seed, realisations", [(-1, 16), (0, 1)])
-def test_bad_arguments_are_refused(seed, realisations):
-    with pytest.raises(InputError):
-        reproduce_paper(seed, realisations, [], [])
+        (["--out", str(taken)], str(taken)),  # before anything is computed
+    ):
+        assert main(["reproduce", "--out", str(tmp_path / "x"), *words]) == 2, words
+        line = capsys.readouterr().err
+        assert expected in line
+        assert line.count("\n") == 1
+        assert not (tmp_path / "x").exists()
+    assert taken.read_text() == "kept"
+    for seed, realisations in ((-1, 16), (0, 1)):
+        with pytest.raises(InputError):
+            reproduce_paper(seed, realisations, [], [])

@@ -12,8 +12,7 @@ from benchmarks.stages.ranking import (
     rank_correlation,
     ranking,
 )
-from benchmarks.stages.run import TestSeed, field, read_seed, run_tasks
-from benchmarks.stages.unit import WORST_PERCENT
+from benchmarks.stages.run import WORST_PERCENT, TestSeed, field, read_seed, run_tasks
 from benchmarks.tracking.episode import play
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.errors import InputError
@@ -130,17 +129,17 @@ def test_the_bound_is_within_the_noise_while_a_load_comes_and_has_no_rank():
     assert ranking(rows)["rank"].tolist() == ["bound", "1"]
 
 
-@over(
-    "asked, said",
-    [
-        ({"controllers": ["pii"]}, "no controller is named 'pii'; did you mean 'pi'"),
-        ({"tasks": ["Stag"]}, "no task is named 'Stag'; did you mean 'Stage'"),
-        ({"plants": 0}, "nothing to score"),
-    ],
-)
-def test_what_cannot_be_scored_is_refused_in_one_line(asked, said, tmp_path):
+REFUSED = [
+    ({"controllers": ["pii"]}, "no controller is named 'pii'; did you mean 'pi'"),
+    ({"tasks": ["Stag"]}, "no task is named 'Stag'; did you mean 'Stage'"),
+    ({"plants": 0}, "nothing to score"),
+]
+
+
+@over("asked, message", REFUSED)
+def test_what_cannot_be_scored_is_refused_in_one_line(asked, message, tmp_path):
     words = {"controllers": ["none"], "tasks": ["Bare"], "plants": 1} | asked
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         run_tasks(**words, out=tmp_path)
     assert "\n" not in str(caught.value)
 
@@ -155,6 +154,7 @@ def rows_of(errors):
 
 
 def test_the_worst_tenth_counts_before_the_middle_half():
+    assert interquartile_mean(np.array([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -9.0])) == 3.5
     rng = np.random.default_rng(0)
     steady = 1.0 + 0.01 * rng.random(40)
     risky = np.where(np.arange(40) % 4 == 0, 5.0, 0.5) + 0.01 * rng.random(40)
@@ -162,10 +162,6 @@ def test_the_worst_tenth_counts_before_the_middle_half():
     assert found["controller"].tolist() == ["steady", "risky", "worst"]
     assert found["rank"].tolist() == ["1", "2", "3"]
     assert rank_correlation(rows_of({"a": steady, "b": 2 * steady, "c": risky + 9})) == 1.0
-
-
-def test_the_interquartile_mean_is_the_mean_of_the_middle_half():
-    assert interquartile_mean(np.array([100.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -9.0])) == 3.5
 
 
 def test_the_field_holds_rivals_only():

@@ -1,10 +1,12 @@
+"""`rdpi bench`: files, belief and core, refusals before anything runs, controllers that fail."""
+
 import re
 
 import pandas as pd
 import pytest
 
 from baselines import FULL_PREVIEW, needed_core
-from benchmarks.tracking.leaderboard import COLUMNS, ranking, score_table
+from benchmarks.tracking.evaluation import CASE, COLUMNS, ranking, score_table
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main
@@ -28,24 +30,18 @@ def out(tmp_path_factory):
     return folder
 
 
-def test_it_writes_table_text_page_and_picture(out):
+def test_it_writes_table_text_picture_and_a_page_that_lets_the_reader_choose_a_pair(out):
     table = pd.read_csv(out / "leaderboard.csv")
     assert tuple(table.columns) == COLUMNS
     # sines of 1, 10, 25 and 50 Hz by two controllers and two seeds
     assert len(table) == 16
-    assert not table.duplicated(
-        ["controller", "plant", "reference", "frequency_hz", "ts_s", "seed"]
-    ).any()
+    assert not table.duplicated(["controller", *CASE, "seed"]).any()
     assert "classical-static" in (out / "leaderboard.md").read_text()
     assert (out / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_the_page_is_self_contained_and_lets_the_reader_choose_a_pair(out):
     page = (out / "report.html").read_text()
-    assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?:', page)
-    assert "Traces of any pair" in page
-    assert '"A: classical-static"' in page
-    assert '"B: none"' in page
+    assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?:', page)  # self-contained
+    for words in ("Traces of any pair", '"A: classical-static"', '"B: none"'):
+        assert words in page
     assert len(page) < 15e6
 
 
@@ -107,10 +103,8 @@ def test_by_default_only_controllers_that_suit_the_core_run_and_one_line_says_wh
     assert "classical-static" in told.controllers
     assert "core-inverse" not in told.controllers
     mixed = select(["classical-static", "pi"], [FRICTION, "P5"], ["sine"], [1e-3], [0])
-    assert [mixed.runs_at("classical-static", stage, 1e-3) for stage in mixed.stages] == [
-        False,
-        True,
-    ]
+    runs = [mixed.runs_at("classical-static", stage, 1e-3) for stage in mixed.stages]
+    assert runs == [False, True]
     assert [mixed.is_ranked(name) for name in mixed.controllers] == [False, True]
 
 
@@ -145,21 +139,13 @@ class Raises(Broken):
     def predict(self, *arguments, **keywords):
         raise OSError("no\\nway")
 
-class Alone(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return np.zeros((len(observation), 1))
+def answering(answer):
+    return type("Answering", (Broken,), {"predict": lambda self, o, *_, **__: answer(len(o))})
 
-class Shape(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return np.zeros(3), None
-
-class NaN(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return np.full((len(observation), 1), np.nan), None
-
-class Words(Broken):
-    def predict(self, observation, *arguments, **keywords):
-        return ["up", "down"], None
+Alone = answering(lambda lanes: np.zeros((lanes, 1)))
+Shape = answering(lambda lanes: (np.zeros(3), None))
+NaN = answering(lambda lanes: (np.full((lanes, 1), np.nan), None))
+Words = answering(lambda lanes: (["up", "down"], None))
 
 class Later(Broken):
     def predict(self, observation, state=None, *arguments, **keywords):
@@ -231,32 +217,30 @@ def test_one_that_fails_later_has_rows_that_say_so_and_the_others_are_ranked(
     assert ranked.loc[name, "status"].startswith("error 1/2")
 
 
+def bench(out, *words):
+    """Run the command on sines on P5 and return its table."""
+    fixed = ["--plants", "P5", "--references", "sine", "--jobs", "1", "--out", str(out)]
+    assert main(["bench", *fixed, *words]) == 0
+    return pd.read_csv(out / "leaderboard.csv")
+
+
 def test_status_is_a_column_everywhere(tmp_path, capsys):
-    out = tmp_path / "out"
-    arguments = [
-        "bench", "--controllers", "inversion-free-literal,none,full-preview-inversion", "--plants", "P5",
-        "--references", "sine", "--ts", "2e-4", "--seeds", "2", "--jobs", "1", "--out", str(out),
-    ]  # fmt: skip
-    assert main(arguments) == 0
-    said = "unstable 14/14"
-    assert said in capsys.readouterr().out
-    assert said in (out / "leaderboard.md").read_text()
-    ranked = pd.read_csv(out / "ranking.csv").set_index("controller")
-    assert ranked.loc["inversion-free-literal", "status"].startswith(said)
+    names = "inversion-free-literal,none,full-preview-inversion"
+    bench(tmp_path, "--controllers", names, "--ts", "2e-4", "--seeds", "2")
+    unstable = "unstable 14/14"
+    assert unstable in capsys.readouterr().out
+    assert unstable in (tmp_path / "leaderboard.md").read_text()
+    ranked = pd.read_csv(tmp_path / "ranking.csv").set_index("controller")
+    assert ranked.loc["inversion-free-literal", "status"].startswith(unstable)
     assert ranked.loc["full-preview-inversion", ["rank", "status"]].tolist() == ["bound", "bound"]
-    page = (out / "report.html").read_text()
-    assert said in page
+    page = (tmp_path / "report.html").read_text()
+    assert unstable in page
     assert "unstable 2/2" in page  # of every case
 
 
 def test_the_bound_alone_is_scored(tmp_path):
-    out = tmp_path / "out"
-    arguments = [
-        "bench", "--controllers", "full-preview-inversion", "--plants", "P5", "--references", "sine",
-        "--ts", "1e-3", "--seeds", "1", "--seed", "4", "--jobs", "1", "--out", str(out),
-    ]  # fmt: skip
-    assert main(arguments) == 0
-    table = pd.read_csv(out / "leaderboard.csv")
+    words = ["--controllers", "full-preview-inversion", "--ts", "1e-3", "--seeds", "1"]
+    table = bench(tmp_path, *words, "--seed", "4")
     assert (table["optimality_gap"] == 1.0).all()
     assert (table["seed"] == 4).all()
 

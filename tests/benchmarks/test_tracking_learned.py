@@ -12,8 +12,8 @@ import torch
 
 from baselines.learned.policy import SHIPPED, Network, Policy
 from benchmarks.tracking import controllers as learned
+from benchmarks.tracking.controllers import task_fingerprint
 from benchmarks.tracking.evaluation import evaluate
-from benchmarks.tracking.fingerprint import task_fingerprint
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main
@@ -77,11 +77,6 @@ def test_the_ranking_is_the_same_with_policies_and_without(tmp_path):
     pd.testing.assert_frame_equal(*found)
 
 
-def test_policies_alone_are_ranked_where_they_were_trained(tmp_path):
-    selection = select([save(tmp_path / "idle")], ["P5", "picma"], ["triangle"])
-    assert [(stage.plant.name, stage.ts_s) for stage in selection.stages] == [("P5", (TS_S,))]
-
-
 def test_its_rows_belong_to_its_weights(tmp_path):
     name = save(tmp_path / "mine")
     before = task_fingerprint(name, P5)
@@ -93,6 +88,9 @@ def test_its_rows_belong_to_its_weights(tmp_path):
 
 def test_the_given_sampling_times_are_kept_and_a_policy_of_another_is_refused(tmp_path):
     name = save(tmp_path / "mine")
+    # policies alone are ranked where they were trained
+    stages = select([name], ["P5", "picma"], ["triangle"]).stages
+    assert [(stage.plant.name, stage.ts_s) for stage in stages] == [("P5", (TS_S,))]
     (stage,) = select([name], ["P5"], ["sine"], [1e-3, TS_S], [0]).stages
     assert stage.every_ts_s == (TS_S, 1e-3)
     for plant, times in (("P5", [1e-3, 2e-4]), ("picma", None)):
@@ -101,16 +99,13 @@ def test_the_given_sampling_times_are_kept_and_a_policy_of_another_is_refused(tm
         assert "give --ts 0.0004" in str(error.value)
 
 
-def test_a_folder_without_a_policy_is_refused_in_one_line(tmp_path, capsys):
+def test_a_folder_without_a_policy_and_one_that_was_cut_off_are_refused(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["bench", "--controller", f"learned:{tmp_path}", "--out", str(out)]) == 2
-    said = capsys.readouterr().err
-    assert "no policy is at" in said
-    assert said.count("\n") == 1
+    line = capsys.readouterr().err
+    assert "no policy is at" in line
+    assert line.count("\n") == 1
     assert not out.exists()
-
-
-def test_a_policy_that_was_cut_off_is_refused_in_one_line(tmp_path):
     name = save(tmp_path / "cut")
     weights = tmp_path / "cut" / "weights.pt"
     weights.write_bytes(weights.read_bytes()[:100])

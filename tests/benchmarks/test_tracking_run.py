@@ -1,6 +1,9 @@
+"""Runs of the tracking benchmark: rows, stores, fingerprints, controllers of one's own that fail."""
+
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +13,13 @@ import pytest
 import baselines
 import rdpi_gym as rg
 from benchmarks.rows import TRACKING
-from benchmarks.tracking import fingerprint, run
-from benchmarks.tracking.evaluation import evaluate
-from benchmarks.tracking.leaderboard import COLUMNS
-from benchmarks.tracking.markdown import write_tables
+from benchmarks.tracking import controllers, episode, run
+from benchmarks.tracking.evaluation import COLUMNS, evaluate
+from benchmarks.tracking.report import write_tables
 from benchmarks.tracking.run import row_keys
 from benchmarks.tracking.selection import select
-from rdpi_gym.plant import P5
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import P5, P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.store import RowStore
 from tests.looping import over
@@ -28,30 +31,30 @@ from baselines import make_controller
 def static(belief, layout):
     return make_controller("classical-static", belief, layout)
 
-class Raises:
+class Counts:
     def __init__(self, belief, layout):
         pass
     def predict(self, observation, state=None, episode_start=None, deterministic=False):
         k = 0 if state is None else state
-        if k > 20:
+        return self.answer(len(observation), k > 20), k + 1
+
+class Raises(Counts):
+    def answer(self, lanes, later):
+        if later:
             raise RuntimeError("out of\\nideas; sorry")
-        return np.zeros((len(observation), 1)), k + 1
+        return np.zeros((lanes, 1))
 
-class NaN:
-    def __init__(self, belief, layout):
-        pass
-    def predict(self, observation, state=None, episode_start=None, deterministic=False):
-        k = 0 if state is None else state
-        return np.full((len(observation), 1), np.nan if k > 20 else 0.0, np.float32), k + 1
+class NaN(Counts):
+    def answer(self, lanes, later):
+        return np.full((lanes, 1), np.nan if later else 0.0, np.float32)
 
-class WrongShape(Raises):
-    def predict(self, observation, state=None, episode_start=None, deterministic=False):
-        k = 0 if state is None else state
-        return np.zeros((len(observation), 2 if k > 20 else 1)), k + 1
+class WrongShape(Counts):
+    def answer(self, lanes, later):
+        return np.zeros((lanes, 2 if later else 1))
 
-class Beyond(Raises):
-    def predict(self, observation, state=None, episode_start=None, deterministic=False):
-        return np.full((len(observation), 1), 3.0), None
+class Beyond(Counts):
+    def answer(self, lanes, later):
+        return np.full((lanes, 1), 3.0)
 """
 
 
@@ -92,21 +95,18 @@ def test_every_row_that_was_asked_for_is_there_and_in_order(tmp_path):
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_workers(tmp_path):
-    one = run.benchmark(small(), tmp_path / "one", jobs=1)
-    two = run.benchmark(small(), tmp_path / "two", jobs=2)
+    one, two = (run.benchmark(small(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
     assert scores(one) == scores(two)
+
+
+def stored(path):
+    return RowStore(path, TRACKING.name, TRACKING.key).rows
 
 
 def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
     whole = run.benchmark(small(), tmp_path / "whole", jobs=1)
-    calls = []
-
-    def counted(task):
-        calls.append(task)
-        return original(task)
-
-    original = run.run_task
-    monkeypatch.setattr(run, "run_task", counted)
+    calls, original = [], run.run_task
+    monkeypatch.setattr(run, "run_task", lambda task: calls.append(task) or original(task))
 
     def interrupt(stage, done, total):
         if done == 2:
@@ -115,18 +115,17 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run.benchmark(small(), tmp_path / "cut", jobs=1, progress=interrupt)
     finished = len(calls)
-    kept = RowStore(tmp_path / "cut" / TRACKING.file, TRACKING.name, TRACKING.key).rows
+    kept = stored(tmp_path / "cut" / TRACKING.file)
     assert 0 < len(kept) < len(whole.rows)
 
     outcome = run.benchmark(small(), tmp_path / "cut", jobs=1)
     assert scores(outcome) == scores(whole)
     assert outcome.computed == len(whole.rows) - len(kept)
-    again = {k for task in calls[finished:] for k in row_keys(task)}
-    assert again.isdisjoint(kept)
+    assert {k for task in calls[finished:] for k in row_keys(task)}.isdisjoint(kept)
     assert run.benchmark(small(), tmp_path / "cut", jobs=1).computed == 0
 
 
-def test_a_torn_line_costs_its_row_only(tmp_path):
+def test_a_torn_line_costs_its_row_and_rows_of_changed_code_are_set_aside(tmp_path, monkeypatch):
     whole = run.benchmark(small(), tmp_path, jobs=1)
     path = tmp_path / TRACKING.file
     path.write_bytes(path.read_bytes()[:-30])
@@ -134,37 +133,30 @@ def test_a_torn_line_costs_its_row_only(tmp_path):
     assert outcome.computed == 1
     assert "1 row was damaged in rows.jsonl" in outcome.notes[0]
     assert scores(outcome) == scores(whole)
-
-
-def test_rows_of_changed_code_are_set_aside(tmp_path, monkeypatch):
-    first = run.benchmark(small(), tmp_path, jobs=1)
     monkeypatch.setattr(run, "code_fingerprint", lambda controller: "another")
     second = run.benchmark(small(), tmp_path, jobs=1)
-    assert second.computed == len(first.rows)
+    assert second.computed == len(whole.rows)
     assert "set aside in rows-stale-1.jsonl" in second.notes[0]
-    aside = RowStore(tmp_path / "rows-stale-1.jsonl", TRACKING.name, TRACKING.key).rows
-    assert set(aside) == {TRACKING.key(row) for row in first.rows}
+    aside = stored(tmp_path / "rows-stale-1.jsonl")
+    assert set(aside) == {TRACKING.key(row) for row in whole.rows}
 
 
 def test_only_the_rows_of_a_changed_controller_are_set_aside(tmp_path, mine):
     selection = small(["none", f"{mine}:static"])
     run.benchmark(selection, tmp_path / "out", jobs=1)
-    with (tmp_path / f"{mine}.py").open("a") as stream:
-        stream.write("# changed\n")
-    outcome = run.benchmark(selection, tmp_path / "out", jobs=1)
-    assert outcome.computed == 10
+    edit(tmp_path / f"{mine}.py")
+    assert run.benchmark(selection, tmp_path / "out", jobs=1).computed == 10
 
 
 def test_the_fingerprint_of_a_task_depends_on_the_plant():
     changed = P5.with_hysteresis(P5.hysteresis.static())
-    name = "none"
-    assert fingerprint.task_fingerprint(name, P5) != fingerprint.task_fingerprint(name, changed)
-    assert fingerprint.task_fingerprint(name, P5) == fingerprint.task_fingerprint(name, P5)
+    first, again, other = (controllers.task_fingerprint("none", p) for p in (P5, P5, changed))
+    assert first == again != other
 
 
 def code_of(controller, folder):
-    fingerprint.code_fingerprint.cache_clear()
-    return fingerprint.code_fingerprint(controller, folder)
+    controllers.code_fingerprint.cache_clear()
+    return controllers.code_fingerprint(controller, folder)
 
 
 def edit(path):
@@ -195,7 +187,7 @@ def test_the_fingerprint_of_code_depends_on_the_files_that_a_controller_uses(tmp
     assert "pi" not in changed()
     edit(folder / "pi.py")
     assert "pi" in changed()
-    fingerprint.code_fingerprint.cache_clear()
+    controllers.code_fingerprint.cache_clear()
 
 
 def test_the_files_that_a_controller_uses_are_those_that_its_modules_load():
@@ -204,7 +196,7 @@ def test_the_files_that_a_controller_uses_are_those_that_its_modules_load():
 import sys
 from pathlib import Path
 import baselines
-from benchmarks.tracking import fingerprint
+from benchmarks.tracking import controllers
 folder = Path(baselines.__file__).parent
 before = set(sys.modules)
 for name in ("model-predictive", "pi-preview", "h-infinity"):
@@ -229,11 +221,10 @@ def test_without_a_folder_nothing_is_hashed(monkeypatch):
 
 
 def test_a_controller_of_ones_own_scores_as_the_same_baseline(tmp_path, mine):
-    outcome = run.benchmark(small(["classical-static", f"{mine}:static"]), tmp_path, jobs=1)
-    rmse = {}
-    for row in outcome.rows:
-        rmse.setdefault(row["controller"], []).append(row["rmse_um"])
-    assert rmse[f"{mine}:static"] == rmse["classical-static"]
+    names = ["classical-static", f"{mine}:static"]
+    rows = run.benchmark(small(names), tmp_path, jobs=1).rows
+    rmse = [[row["rmse_um"] for row in rows if row["controller"] == name] for name in names]
+    assert rmse[0] == rmse[1]
 
 
 @over(
@@ -328,14 +319,72 @@ def test_bad_requests_are_refused_in_one_line(asked, said):
     assert "\n" not in str(error.value)
 
 
-def test_two_plants_of_one_name_are_refused(tmp_path):
+def test_two_plants_of_one_name_and_a_file_in_place_of_the_folder_are_refused(tmp_path):
     path = P5.save(tmp_path / "mine.json")
     with pytest.raises(InputError, match="two different plants are named 'P5'"):
         select(plants=["P5", str(path)])
-
-
-def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "out").write_text("mine")
     with pytest.raises(InputError, match="is a file"):
         run.benchmark(small(), tmp_path / "out", jobs=1)
     assert (tmp_path / "out").read_text() == "mine"
+
+
+class Sluggish:
+    """A controller whose decisions take the given times, the last again and again."""
+
+    def __init__(self, *seconds):
+        self.seconds, self.decisions = list(seconds), 0
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        time.sleep(self.seconds[min(self.decisions, len(self.seconds) - 1)])
+        self.decisions += 1
+        return np.zeros((1, 1)), state
+
+
+@over(
+    "seconds, decisions",
+    [
+        ((0.3, 0.0), 300),  # the first compiles
+        ((0.0, 0.0, 0.0, 0.3, 0.0), 300),  # or a later one
+        ((0.05,), 3),
+    ],
+)
+def test_only_a_controller_that_is_always_slow_is_given_up(seconds, decisions, monkeypatch):
+    monkeypatch.setattr(episode, "_GIVEN_UP_S", 0.1)
+    controller, layout = Sluggish(*seconds), ObservationLayout.for_plant(P10, ts_s=1e-4, preview=1)
+    took = episode.microseconds_per_sample(controller, P10, layout, np.zeros(400))
+    assert controller.decisions == decisions
+    assert (took > 4e4) is (decisions == 3)
+
+
+NEW_REFERENCE = """
+from benchmarks.tracking.case import Case
+from rdpi_gym.signals import Sawtooth
+
+def _sawtooth(amplitude_um, base_hz):
+    signal = Sawtooth(amplitude_um=amplitude_um, frequency_hz=base_hz)
+    return (Case.smooth(signal, base_hz, start_s=1.0 / base_hz, periods=3),)
+
+REFERENCES = {"sawtooth": _sawtooth}
+"""
+SCORE_IT = """
+import sys
+from benchmarks.tracking import references
+references.__path__.append(sys.argv[1])
+from benchmarks.tracking.run import benchmark
+from benchmarks.tracking.selection import select
+from pathlib import Path
+
+selection = select(["none"], ["P5"], ["sawtooth"], [1e-3], [0])
+rows = benchmark(selection, Path(sys.argv[1]) / "out", jobs=1).rows
+print([(row["controller"], row["reference"], row["frequency_hz"], row["rmse_um"] > 0) for row in rows])
+"""
+
+
+@pytest.mark.slow
+def test_a_new_reference_is_one_file(tmp_path):
+    (tmp_path / "new.py").write_text(NEW_REFERENCE)
+    words = [sys.executable, "-c", SCORE_IT, str(tmp_path)]
+    found = subprocess.run(words, capture_output=True, text=True, check=True)
+    expected = [(name, "sawtooth", 10.0, True) for name in ("none", "full-preview-inversion")]
+    assert found.stdout.strip() == str(expected)

@@ -7,7 +7,7 @@ import pytest
 
 import rdpi_gym.cli as cli
 from baselines.learned.policy import SHIPPED
-from benchmarks.stages import run, unit
+from benchmarks.stages import run
 
 OWN = """
 from baselines import make_controller
@@ -20,12 +20,12 @@ def mine(belief, layout):
 @pytest.fixture(autouse=True)
 def a_bound_that_is_quick(monkeypatch):
     """Let a plain inverse stand for the bound, which takes seconds."""
-    real = unit._controller
+    real = run._controller
     monkeypatch.setattr(
-        unit,
+        run,
         "_controller",
         lambda one, lanes: (
-            unit.make_controller("classical-reference-rate", lanes.belief, lanes.layout())
+            run.make_controller("classical-reference-rate", lanes.belief, lanes.layout())
             if one.controller == run.HORIZON_BOUND
             else real(one, lanes)
         ),

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from benchmarks.tracking.scoring import Caution
+from benchmarks.tracking.episode import Caution
 from rdpi_gym.diagnosis import words
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.notices import Code, Notice

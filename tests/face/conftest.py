@@ -5,9 +5,8 @@ import pytest
 
 import rdpi_gym as rg
 from benchmarks.paper import paper_cases
-from benchmarks.paper.cases import SWEEP_LABEL
+from benchmarks.paper.claims import SWEEP_LABEL, judge
 from benchmarks.paper.tracking import track
-from benchmarks.paper.verdicts import judge
 
 mpl.use("Agg")
 
@@ -52,7 +51,7 @@ def paper():
         judge(case.claim, [other for other in runs if other.reading == run.reading], run)
         for case, run in zip(cases, runs, strict=True)
     )
-    return rg.PaperResults(0, 2, cases, verdicts, runs, runs, (), {}, (), ())
+    return rg.PaperResults(0, 2, cases, verdicts, runs, runs, (), {}, (), {})
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import pytest
 from baselines import make_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.fixed_point import fixed_point_body
-from rdpi_gym.firmware.making import package_of
+from rdpi_gym.firmware.making import ControllerTwin, package_of
 from rdpi_gym.firmware.writing.source import header_text
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
@@ -80,7 +80,7 @@ def harness(body):
         memory=fields(memory, lambda part: part.rest) or "int32_t none;",
         numbers=starts(body.tables, lambda table: table.values),
         rest=starts(memory, lambda part: part.rest) or "0",
-        begin=" ".join(f"m.{part.name}[0] = row[0];" for part in memory if part.from_reference),
+        begin=" ".join(f"m.{part.name}[0] = row[0];" for part in memory if part.by_reference.any()),
         functions=body.functions, step=body.step, low=body.low, high=body.high, first=body.rest,
     )  # fmt: skip
 
@@ -122,21 +122,10 @@ def record(layout, samples, lanes, seed):
     return reference, reference[:-1] - layout.scale_um * error
 
 
-def commands_V(controller, reference, measured):
-    layout = controller.layout
-    state, u = controller.start(reference[0]), np.empty_like(measured)
-    shown = np.zeros((reference.shape[1], layout.size))
-    for k in range(len(measured)):
-        shown[:, -2] = (measured[k] - layout.centre_um) / layout.scale_um
-        u[k] = controller.next_command(shown, reference[k : k + 2], state)
-        shown[:, -1] = u[k]
-    return u
-
-
 def followed(controller, body, program, samples, lanes, seed):
     """Largest difference of the codes from the controller in double, as share of the range."""
     reference, measured = record(controller.layout, samples, lanes, seed)
-    wanted = commands_V(controller, reference, measured)
+    wanted = ControllerTwin(controller)(reference, measured)
     away = 0.0
     for lane in range(lanes):
         codes = [body.displacement_codes(each[:, lane]) for each in (reference, measured)]

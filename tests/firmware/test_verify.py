@@ -3,17 +3,15 @@
 import json
 import os
 import shutil
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rdpi_gym.firmware.making import package_again, package_of, program_of
+from rdpi_gym.firmware.making import package_again, package_of
 from rdpi_gym.firmware.verify import verify
 from rdpi_gym.firmware.writing.package import write_package
-from rdpi_gym.plant import P10, named_plant
-from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError
 from tests.firmware.programs import needs_compiler
 
@@ -166,12 +164,6 @@ def test_what_is_described_is_made_again():
     assert again.files() == package.files()
 
 
-def test_a_controller_that_plans_is_refused():
-    for name in ("repetitive", "iterative-learning", "preview-inversion"):
-        with pytest.raises(InputError, match=f"{name} plans over the whole reference"):
-            program_of(named_plant("P5"), 1e-4, name)
-
-
 @pytest.mark.slow
 def test_a_policy_that_ships_is_made_again_by_its_name(tmp_path):
     pytest.importorskip("torch")
@@ -191,14 +183,3 @@ def test_a_policy_in_a_folder_is_found_from_elsewhere(tmp_path, monkeypatch):
     recipe = package_of(named_plant("P10"), 1e-4, "learned:mine").recipe
     monkeypatch.chdir("/")
     assert package_again(dict(recipe), "program.json").source.program.kind == "controller"
-
-
-def test_a_beginning_that_is_not_affine_in_the_first_reference_is_found_as_python_finds_it(
-    tmp_path,
-):
-    bent = replace(P10, effects=(CATALOGUE["asymmetry"](coefficient=0.1), CATALOGUE["creep"]()))
-    package = package_of(bent, 1e-4, "extended-inverse")
-    assert package.source.program.begin
-    found = verify(write_package(package, tmp_path / "out"), records=20, samples=200)
-    assert found.passed, str(found)
-    assert max(row.largest for row in found.rows if row.precision == "double") < 1e-13

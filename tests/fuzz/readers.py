@@ -598,8 +598,8 @@ def tracking_rows(stack: ExitStack) -> Reader:
 def task_rows(stack: ExitStack) -> Reader:
     """Rows of the tasks, read by the run that goes on from them."""
     from benchmarks.rows import TASKS
+    from benchmarks.stages.ranking import TaskScores
     from benchmarks.stages.run import run_tasks
-    from benchmarks.stages.tables import TaskScores
 
     with tempfile.TemporaryDirectory() as name:
         done = run_tasks(["none"], ["Bare"], 1, Path(name), jobs=1).rows

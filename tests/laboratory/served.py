@@ -13,6 +13,19 @@ from rdpi_gym.laboratory.server import Server, bind
 BASE = replace(rg.plants["P5"], effects=())
 
 
+def refit(plant, um, effect="", form=""):
+    """Return a refit as a worker sends it."""
+    found = {"effect": effect, "form": form, "plant": plant.to_dict(), "by_record_um": {}}
+    numbers = {"parameters": {}, "standard_errors": {}, "at_bound": [], "remark": ""}
+    return {**found, "train_um": um, "validation_um": um, **numbers}
+
+
+def result(**changes):
+    """Return what a worker ends a ranking with."""
+    left = {"remainder": "", "portrait_lines": [], "next_experiment": None, "noise_floor": 0.01}
+    return {"candidates": [], "chosen": [], "headline": "", "lines": [], **left, **changes}
+
+
 class Instant:
     """Workers that have found everything before they are asked, or work on until they are cancelled."""
 
@@ -25,22 +38,15 @@ class Instant:
             return
         model = arguments.get("model") or BASE
         names = [record.name for record in arguments["data"].records]
-        errors = {
-            "train_um": 0.5,
-            "validation_um": 0.6,
-            "by_record_um": dict.fromkeys(names, 0.5),
-        }
-        found = {"effect": "", "form": "", "plant": model.to_dict(), **errors}
-        found |= {"parameters": {}, "standard_errors": {}, "at_bound": [], "remark": ""}
+        errors = {"validation_um": 0.6, "by_record_um": dict.fromkeys(names, 0.5)}
+        found = refit(model, 0.5) | errors
         if task is not jobs.rank:
             listener(("done", found))
             return
         listener(("news", "refit", found))
         listener(("news", "refit", {**found, "effect": "creep"}))
         final = {"train_rmse": 0.5, "validation_rmse": 0.6, "by_record": {}}
-        left = {"remainder": "", "portrait_lines": [], "next_experiment": None, "noise_floor": 0.01}
-        told = {"candidates": [], "chosen": [], "headline": "", "lines": [], "final": final, **left}
-        listener(("done", told))
+        listener(("done", result(final=final)))
 
     def cancel(self):
         pass

@@ -1,29 +1,14 @@
 """Files of a rig that the defaults do not read, in a real browser: none is a dead end."""
 
 import math
-import shutil
 
 import numpy as np
 import pytest
 
 import rdpi_gym as rg
-from studies.chromium import LabPage, LabProcess, chromium
+from studies.chromium import LabPage, LabProcess
 
-pytest.importorskip(
-    "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
-)
-pytest.importorskip("starlette", reason="the extra lab is not installed")
-if not any(map(shutil.which, ("chromium", "chromium-browser"))):
-    pytest.skip(
-        "no Chromium is installed (Debian: apt-get install chromium)", allow_module_level=True
-    )
 HEADER = "Time [ms];Amplifier input [mV];Position [nm]"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
 
 
 def dropped(name, header, separator=";", scale=1e3, columns=3):

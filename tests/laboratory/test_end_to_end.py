@@ -1,7 +1,6 @@
 """The whole laboratory in a real browser, nothing put in its place: from dropped files to a notebook."""
 
 import json
-import shutil
 import subprocess
 import sys
 
@@ -9,17 +8,8 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.measurement import Record
-from studies.chromium import LabPage, LabProcess, chromium
+from studies.chromium import LabPage, LabProcess
 
-pytest.importorskip(
-    "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
-)
-pytest.importorskip("starlette", reason="the extra lab is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
-if CHROMIUM is None:
-    pytest.skip(
-        "no Chromium is installed (Debian: apt-get install chromium)", allow_module_level=True
-    )
 _RECORDS = ("triangle-slow", "stairs", "validation-loops")
 
 
@@ -34,12 +24,6 @@ def files(tmp_path_factory):
     ]
     folder = rg.Dataset("two", tuple(records)).write(tmp_path_factory.mktemp("two") / "data")
     return sorted(folder.iterdir())
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
 
 
 def test_two_hidden_effects_are_found_and_taken_home(browser, files, tmp_path):
@@ -132,7 +116,9 @@ def _spoiled(page, lab, files):
     page.drop([bad])
     page.tab.get_by_test_id("refused-bad.csv").wait_for()
     assert "line 3" in page.text("refused-bad.csv")
+    assert "row 3, column u" in page.text("refused-bad.csv")
     page.click("discard-bad.csv")
+    page.tab.get_by_test_id("refused-bad.csv").wait_for(state="detached")
     detail = page.tab.locator("#detail")
     detail.locator("summary").click()
     detail.get_by_label("Unit of time").fill("fortnights")

@@ -43,38 +43,34 @@ def journal(folder, *events):
     (folder / JOURNAL).write_text("".join(json.dumps(event) + "\n" for event in events))
 
 
+def instead(place, target):
+    """Put a link to a target in the place of a file or a folder."""
+    if place.is_dir():
+        place.rmdir()
+    place.unlink(missing_ok=True)
+    place.symlink_to(target)
+
+
+def special(place, make):
+    place.unlink(missing_ok=True)
+    make(str(place))
+
+
 LINKS = {
-    "data": lambda folder, target: (
-        (folder / "data").rmdir(),
-        (folder / "data").symlink_to(target),
-    ),
-    "refused": lambda folder, target: (
-        (folder / "refused").rmdir(),
-        (folder / "refused").symlink_to(target),
-    ),
-    "a file": lambda folder, target: (folder / "data" / "run.csv").symlink_to(
-        target / "thesis.csv"
-    ),
-    "a part": lambda folder, target: (folder / "data" / ".run.csv.part").symlink_to(
-        target / "thesis.csv"
-    ),
-    "a hanging link": lambda folder, target: (folder / "data" / "run.csv").symlink_to("nowhere"),
-    "journal": lambda folder, target: (
-        (folder / JOURNAL).unlink(),
-        (folder / JOURNAL).symlink_to(target / "thesis.csv"),
-    ),
-    "settings": lambda folder, target: (folder / "data" / "dataset.toml").symlink_to(
-        target / "thesis.csv"
-    ),
-    "journal as FIFO": lambda folder, target: (
-        (folder / JOURNAL).unlink(),
-        os.mkfifo(folder / JOURNAL),
-    ),
-    "settings as FIFO": lambda folder, target: os.mkfifo(folder / "data" / "dataset.toml"),
-    "socket": lambda folder, target: socket.socket(socket.AF_UNIX).bind(
-        str(folder / "data" / "run.csv")
+    "data": lambda folder, target: instead(folder / "data", target),
+    "refused": lambda folder, target: instead(folder / "refused", target),
+    "a file": lambda folder, target: instead(folder / "data/run.csv", target / "thesis.csv"),
+    "a part": lambda folder, target: instead(folder / "data/.run.csv.part", target / "thesis.csv"),
+    "a hanging link": lambda folder, target: instead(folder / "data/run.csv", "nowhere"),
+    "journal": lambda folder, target: instead(folder / JOURNAL, target / "thesis.csv"),
+    "settings": lambda folder, target: instead(folder / "data/dataset.toml", target / "thesis.csv"),
+    "journal as FIFO": lambda folder, target: special(folder / JOURNAL, os.mkfifo),
+    "settings as FIFO": lambda folder, target: special(folder / "data/dataset.toml", os.mkfifo),
+    "socket": lambda folder, target: special(
+        folder / "data/run.csv", socket.socket(socket.AF_UNIX).bind
     ),
 }
+LINK = "is a link or no regular file; this folder may hold neither"
 
 
 def test_a_session_with_a_link_or_a_special_file_is_refused(
@@ -86,14 +82,9 @@ def test_a_session_with_a_link_or_a_special_file_is_refused(
             session, elsewhere = places(tmp_path)
             monkeypatch.chdir(session.parent)  # the address of a socket is short
             LINKS[kind](session.relative_to(session.parent), elsewhere)
-            with pytest.raises(
-                rg.InputError, match="is a link or no regular file; this folder may hold neither"
-            ):
-                session_folder(session)
-            with pytest.raises(
-                rg.InputError, match="is a link or no regular file; this folder may hold neither"
-            ):
-                Session(session)
+            for reader in (session_folder, Session):
+                with pytest.raises(rg.InputError, match=LINK):
+                    reader(session)
             assert (elsewhere / "thesis.csv").read_text() == SECRET
 
 

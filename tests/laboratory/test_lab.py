@@ -10,9 +10,9 @@ import rdpi_gym as rg
 from rdpi_gym.laboratory import jobs
 from rdpi_gym.laboratory.lab import Lab
 from rdpi_gym.laboratory.session_jobs import Events
+from tests.laboratory.served import BASE, refit, result
 
 CREEP, DELAY = rg.effects["creep"](), rg.effects["delay"]()
-BASE = replace(rg.plants["P5"], effects=())
 
 
 class Played:
@@ -34,24 +34,6 @@ class Played:
         pass
 
 
-def refit(plant, um, effect="", form=""):
-    found = {"effect": effect, "form": form, "plant": plant.to_dict(), "by_record_um": {}}
-    numbers = {"parameters": {}, "standard_errors": {}, "at_bound": [], "remark": ""}
-    return {**found, "train_um": um, "validation_um": um, **numbers}
-
-
-def result(chosen=(), **changes):
-    left = {"remainder": "", "portrait_lines": [], "next_experiment": None, "noise_floor": 0.01}
-    return {
-        "candidates": [],
-        "chosen": list(chosen),
-        "headline": "",
-        "lines": [],
-        **left,
-        **changes,
-    }
-
-
 async def told(lab, *message):
     """Let the worker say something, and the laboratory hear it."""
     lab.workers.say(*message)
@@ -71,7 +53,7 @@ async def begun(lab, count):
 def play(tmp_path, monkeypatch):
     """Run a scene in a laboratory whose base model and creep are refitted."""
     monkeypatch.setattr("rdpi_gym.laboratory.session_jobs.Workers", Played)
-    monkeypatch.setattr(Lab, "_say", lambda self, step: None)
+    monkeypatch.setattr(Lab, "_describe", lambda self, step: None)
 
     def run(scene):
         async def played():
@@ -97,7 +79,7 @@ def test_a_click_makes_a_step_of_the_refit_and_ranks_on_from_it(play):
     async def scene(lab):
         state = await lab.add("creep")
         assert [state["steps"][s]["errors"]["validation_um"] for s in state["path"]] == [0.5, 0.2]
-        assert lab.session.ranking_of("s1").status == "cancelled"
+        assert lab.session.rankings["s1"].status == "cancelled"
         task, arguments = await begun(lab, 2)
         assert (task, arguments["model"].effects) == (jobs.rank, (CREEP,))
         # the search's own refit of the model takes its place where it leaves less
@@ -130,10 +112,10 @@ def test_a_worker_that_is_stopped_is_not_heard_and_one_that_dies_is(play):
     async def scene(lab):
         stale = lab.workers.say
         await lab.cancel()
-        assert lab.session.ranking_of("s1").status == "cancelled"
+        assert lab.session.rankings["s1"].status == "cancelled"
         stale("done", result())
         await asyncio.sleep(0.01)
-        assert lab.session.ranking_of("s1").status == "cancelled"
+        assert lab.session.rankings["s1"].status == "cancelled"
         await lab.rank()
         await begun(lab, 2)
         await told(lab, "died", "the process died; start it again")

@@ -20,6 +20,10 @@ def lines(separator=";", columns=3):
     return [separator.join(f"{x:.6g}" for x in row[-columns:]) for row in rows]
 
 
+def head_of(session, *asked):
+    return preview(session.data_folder, session.files, *asked)
+
+
 @pytest.fixture
 def session(tmp_path):
     return Session(tmp_path / "session")
@@ -76,7 +80,7 @@ def test_columns_are_guessed_by_words_then_units_then_order(names, found):
 
 def test_the_proposal_for_a_measurement_in_other_units_reads_it_rightly(session, brought):
     brought(rig_csv="\n".join([HEADER, *lines()]))
-    shown = preview(session.data_folder, session.files, "rig.csv")
+    shown = head_of(session, "rig.csv")
     assert shown["chosen"] == dict(zip("tuy", HEADER.split(";"), strict=True))
     assert shown["units"] == {"t": "ms", "u": "mV", "y": "nm"}
     assert shown["separator"] == {"chosen": "", "found": "semicolon"}
@@ -89,46 +93,42 @@ def test_the_proposal_for_a_measurement_in_other_units_reads_it_rightly(session,
 
 def test_without_names_the_order_counts_and_without_time_its_sampling_time(session, brought):
     brought(rig_dat="\n".join(lines("\t")), bare_dat="\n".join(lines(" ", 2)))
-    assert preview(session.data_folder, session.files, "rig.dat")["chosen"] == {
+    assert head_of(session, "rig.dat")["chosen"] == {
         "t": 0,
         "u": 1,
         "y": 2,
     }
-    shown = preview(session.data_folder, session.files, "bare.dat")
+    shown = head_of(session, "bare.dat")
     assert [column["name"] for column in shown["columns"]] == ["column 0", "column 1"]
     assert (shown["chosen"], shown["ts_s"]) == ({"t": "", "u": 0, "y": 1}, None)
     data = apply(session, shown | {"ts_s": 5e-3})
     assert [(r.name, r.ts_s) for r in data.records] == [("bare", 5e-3)]
-    assert preview(session.data_folder, session.files, "bare.dat")["ts_s"] == 5e-3
+    assert head_of(session, "bare.dat")["ts_s"] == 5e-3
 
 
 def test_another_separator_shows_other_columns_and_is_kept(session, brought):
     text = "\n".join([HEADER, *lines()])
     brought(rig_csv=text)
-    assert len(preview(session.data_folder, session.files, "rig.csv", "comma")["columns"]) == 1
+    assert len(head_of(session, "rig.csv", "comma")["columns"]) == 1
     change = {"records": {"rig": {"separator": "tab"}}}
     data_import.write_settings(session.data_folder, change, [])
-    assert preview(session.data_folder, session.files, "rig.csv")["separator"] == {
+    assert head_of(session, "rig.csv")["separator"] == {
         "chosen": "tab",
         "found": "tab",
     }
-    assert preview(session.data_folder, session.files, "rig.csv", "")["separator"] == {
+    assert head_of(session, "rig.csv", "")["separator"] == {
         "chosen": "",
         "found": "semicolon",
     }
     with pytest.raises(rg.InputError, match=r"separator ';'; give comma, semicolon, tab, blanks"):
-        preview(session.data_folder, session.files, "rig.csv", ";")
+        head_of(session, "rig.csv", ";")
 
 
 def test_columns_without_a_name_of_their_own_go_by_position(session, brought):
     brought(rig_csv="\n".join(["x;x;", *lines()]), off_csv="\n".join(["t;u", *lines()]))
-    assert [
-        c["source"] for c in preview(session.data_folder, session.files, "rig.csv")["columns"]
-    ] == [0, 1, 2]
-    assert [
-        c["source"] for c in preview(session.data_folder, session.files, "off.csv")["columns"]
-    ] == [0, 1, 2]
-    (record,) = apply(session, preview(session.data_folder, session.files, "rig.csv")).records
+    assert [c["source"] for c in head_of(session, "rig.csv")["columns"]] == [0, 1, 2]
+    assert [c["source"] for c in head_of(session, "off.csv")["columns"]] == [0, 1, 2]
+    (record,) = apply(session, head_of(session, "rig.csv")).records
     assert record.t_s.size == 200
 
 
@@ -137,8 +137,8 @@ def test_files_alike_are_those_of_the_same_columns_that_were_refused_too(session
     other = "\n".join(["when;" + HEADER, *lines()])
     good = "\n".join(["t;u;y", *lines()])
     brought(a_csv=text, b_csv=text, c_csv=other, d_csv=good, e_csv=good)
-    assert preview(session.data_folder, session.files, "a.csv")["alike"] == ["b"]
-    assert preview(session.data_folder, session.files, "d.csv")["alike"] == ["e"]
+    assert head_of(session, "a.csv")["alike"] == ["b"]
+    assert head_of(session, "d.csv")["alike"] == ["e"]
 
 
 @pytest.mark.slow
@@ -149,14 +149,14 @@ def test_variables_are_offered_by_name(session, brought):
     savemat(folder / "rig.mat", {"zeit": t, "volt": np.sin(t), "weg": np.cos(t), "note": "x"})
     brought()
     for name in ("run.npz", "rig.mat"):
-        shown = preview(session.data_folder, session.files, name)
+        shown = head_of(session, name)
         assert shown["chosen"] == {"t": "zeit", "u": "volt", "y": "weg"}
         assert (shown["separator"], shown["rows"]) == (None, [])
         data = apply(session, shown)
     assert [r.name for r in data.records] == ["rig", "run"]
     np.savez(folder / "mirror.npz", u_low=np.ones((40, 3)), y_low=np.ones((40, 3)))
     brought()
-    shown = preview(session.data_folder, session.files, "mirror.npz")
+    shown = head_of(session, "mirror.npz")
     assert (shown["columns"], shown["chosen"]) == ([], {"t": ""})
 
 
@@ -166,7 +166,7 @@ def test_what_the_folder_says_is_proposed(session, brought):
         '[quantities]\noutput = { name = "force", symbol = "F", unit = "kN" }\n'
     )
     brought(rig_csv="\n".join(lines()))
-    shown = preview(session.data_folder, session.files, "rig.csv")
+    shown = head_of(session, "rig.csv")
     assert shown["chosen"] == {"t": "", "u": 2, "y": 1}
     assert shown["units"] == {"t": "s", "u": "kV", "y": ""}  # in the quantity's own unit
 
@@ -187,14 +187,14 @@ def test_what_cannot_be_shown_is_one_line(session, brought, tmp_path):
         "dataset.toml": "there is no data file 'dataset.toml' in this session",
     }.items():
         with pytest.raises(rg.InputError) as refused:
-            preview(session.data_folder, session.files, name)
+            head_of(session, name)
         assert str(refused.value).startswith(line)
 
 
 def test_no_more_than_the_beginning_is_read(session, brought):
     brought(rig_csv="\n".join([HEADER, *lines(), "x" * 200_000]))
-    assert len(preview(session.data_folder, session.files, "rig.csv")["rows"]) == 8
+    assert len(head_of(session, "rig.csv")["rows"]) == 8
     data_import.read(session.data_folder)
     brought(wide_csv=";".join(["1"] * 30_000))
-    shown = preview(session.data_folder, session.files, "wide.csv")
+    shown = head_of(session, "wide.csv")
     assert (len(shown["columns"]), len(shown["rows"][0])) == (1000, 30)

@@ -37,8 +37,8 @@ def test_a_ranking_that_the_server_took_with_it_is_not_running_any_more(tmp_path
     session = Session(tmp_path)
     step = made(session)
     session.write({"do": "ranking", "step": step, "status": "running"})
-    assert session.ranking_of(step).status == "running"
-    assert Session(tmp_path).ranking_of(step).status == "cancelled"
+    assert session.rankings[step].status == "running"
+    assert Session(tmp_path).rankings[step].status == "cancelled"
 
 
 def test_damage_within_the_journal_is_said_with_its_line(tmp_path_factory, subtests):
@@ -86,9 +86,9 @@ def test_a_click_takes_the_form_of_the_ranking_or_the_best_so_far(tmp_path):
     for each in (refit("creep", "", 0.5), refit("creep", "spectrum", 0.4, "P10")):
         session.write({"do": "refit", "step": step, "refit": each})
     session.write({"do": "refit", "step": step, "refit": refit("delay", "", None, None)})
-    ranking = session.ranking_of(step)
+    ranking = session.rankings.get(step)
     assert ranking.plant_with("creep") == rg.plants["P10"]
     assert ranking.plant_with("delay") is None
     result = {"candidates": [{"effect": "creep", "form": ""}]}
     session.write({"do": "ranking", "step": step, "status": "done", "result": result})
-    assert session.ranking_of(step).plant_with("creep") == rg.plants["P5"]
+    assert session.rankings[step].plant_with("creep") == rg.plants["P5"]

@@ -122,6 +122,7 @@ class MadeScores:
     measured: object
     notes: tuple
     order: list
+    answer: str = "Best: one."
     first_seed: int = 0
     shown_setting: tuple = ("P5", 1e-4)
 
@@ -141,9 +142,14 @@ def made_benchmark():
         rmse = np.sort(rng.uniform(0.05, 4.0, len(CONTROLLERS)))
         ranking = pd.DataFrame(
             {
-                "place": ["1 to 2", "1 to 2", *map(str, range(3, len(rmse) + 1))],
+                "rank": ["1=", "1=", *map(str, range(3, len(rmse) + 1))],
                 "controller": CONTROLLERS,
                 "status": [
+                    "ok",
+                    "unstable in 300 of 530 rows, saturated, extrapolated",
+                    *["ok"] * 6,
+                ],
+                "cautions": [
                     "ok",
                     "unstable in 300 of 530 rows, saturated, extrapolated",
                     *["ok"] * 6,
@@ -191,6 +197,7 @@ def made_benchmark():
         measured = SimpleNamespace(
             table=pd.DataFrame({"controller": CONTROLLERS[:4], "rms_V": 0.1}),
             traces={"stairs": {"t_s": t, "applied": np.sin(t), **commands}},
+            note="Records: stairs.",
         )
         settings = {
             "rows": rows,

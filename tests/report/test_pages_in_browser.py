@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from benchmarks.tracking.page import write_benchmark_page
+from benchmarks.tracking.report import write_benchmark_page
 from rdpi_gym.cli import main
 from rdpi_gym.diagnosis import compare
 from rdpi_gym.measurement import Dataset, Record
@@ -192,9 +192,7 @@ def laid_out(request, tmp_path):
     path = tmp_path / "report.html"
     if request.param == "bench":
         made = request.getfixturevalue("made_benchmark")()
-        return write_benchmark_page(
-            path, made, "Best: one.", "Method.", "Measured.", "Where trained."
-        )
+        return write_benchmark_page(path, made)
     if request.param == "compare":
         return compare_page(tmp_path)
     made = request.getfixturevalue(

@@ -108,10 +108,10 @@ def test_a_band_reaches_over_all_trainings_its_line_and_the_costs_are_medians(tm
 
 def test_the_text_says_how_many_plants_are_evaluated():
     pytest.importorskip("stable_baselines3")
-    from baselines.learned import environments, folder
+    from baselines.learned import environments, options
 
     assert f"{environments.LANES} held-out plants" in curves.CURVE_METHOD
-    assert set(curves.CURVE_COLUMNS) - {"agent", "seed"} == set(folder.COLUMNS) - {
+    assert set(curves.CURVE_COLUMNS) - {"agent", "seed"} == set(options.COLUMNS) - {
         "training_reward"
     }
 

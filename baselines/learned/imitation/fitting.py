@@ -73,12 +73,6 @@ class Loop:
             rows.append(self._left[k] - around.moved_um / UNIT_UM)
         return torch.stack(rows)
 
-    def forget(self) -> None:
-        """Cut the gradients: what comes next does not go back beyond here."""
-        self._h, self._errors = self._h.detach(), self._errors.detach()
-        self._corrections = self._corrections.detach()
-        self._around.forget()
-
 
 class _Systems:
     """Linear systems of all lanes with their states."""
@@ -96,9 +90,6 @@ class _Systems:
         moved = torch.bmm(self._a, self._x[:, :, None])[:, :, 0]
         self._x = torch.addcmul(moved, self._b, given[:, None])
         return found
-
-    def forget(self) -> None:
-        self._x = self._x.detach()
 
 
 class _LoopModel:
@@ -174,16 +165,16 @@ class _LoopModel:
         gives = torch.addcmul((plays["weights"] * self._xi).sum(dim=1), plays["gain"], u)
         self.moved_um = self._behind.step(gives - self._gave[k])
 
-    def forget(self) -> None:
-        """Cut the gradients."""
-        for system in (self._before, self._behind, self._feedback):
-            system.forget()
-        for name in (
-            "_last", "_eta", "_xi", "_command", "_rate", "moved_um", "_gradient", "_theta",
-        ):  # fmt: skip
-            setattr(self, name, getattr(self, name).detach())
-        self._measured = [each.detach() for each in self._measured]
-        self._entered = [each.detach() for each in self._entered]
+
+def _cut_gradients(state: Loop | _LoopModel | _Systems) -> None:
+    """Detach every tensor of a state: what comes next does not go back beyond here."""
+    for name, value in list(vars(state).items()):
+        if isinstance(value, Tensor):
+            setattr(state, name, value.detach())
+        elif isinstance(value, list):
+            setattr(state, name, [each.detach() for each in value])
+        elif isinstance(value, _LoopModel | _Systems):
+            _cut_gradients(value)
 
 
 def _tensors(given: Any) -> dict[str, Any]:
@@ -215,8 +206,7 @@ class Learner:
 
     arrays: Mapping[str, Float32]
     # As :class:`~baselines.learned.imitation.student.Student` has them; a copy is learned.
-    weighted: int
-    # As there.
+    weighted: int  # as there
 
     def __post_init__(self) -> None:
         tensors = {name: torch.tensor(each) for name, each in self.arrays.items()}
@@ -257,7 +247,7 @@ class Learner:
                 torch.autograd.backward(loss)
                 nn.utils.clip_grad_norm_(self.learned, STEEPEST)
                 self.optimiser.step()
-            loop.forget()
+            _cut_gradients(loop)
         return float(((squares / max(count, 1)).sqrt() * weighting).mean())
 
     def moments(self) -> dict[str, Any]:

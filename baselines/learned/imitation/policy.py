@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from baselines.base import Observation
 from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.learned.envelope import checked_envelope
 from baselines.learned.imitation.student import (
     ARRAYS,
     MOST_UM,
@@ -34,6 +33,7 @@ from baselines.learned.policy import (
     reading,
     write_policy,
 )
+from baselines.monitors import checked_envelope
 from baselines.tuning import Settings, checked_settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -50,42 +50,15 @@ _LARGEST = 2**24  # bytes
 
 @dataclass(frozen=True)
 class StudentPolicy(SavedPolicy):
-    """A student, and what it was taught on.
-
-    Parameters
-    ----------
-    student
-        The network.
-    layout
-        What the observations of its training showed.
-    effects
-        Names of the effects of the belief, in their order of letters.
-    loop, feedforward
-        Settings of the controller that it corrects.
-    training
-        How it came about, for a reader.
-    seen
-        How far the loops of its training went, see :mod:`baselines.learned.envelope`; empty: not known.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from rdpi_gym.plant import P10
-    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
-    >>> policy = StudentPolicy.untrained(P10, layout, hidden=4)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     found = StudentPolicy.load(policy.save(Path(folder) / "mine"))
-    >>> found.student.width, found.baseline
-    (4, 'adaptive-dual-loop')
-    """
+    """A student, and what it was taught on."""
 
     student: Student
-    layout: ObservationLayout
-    effects: tuple[str, ...]
+    layout: ObservationLayout  # of the observations of its training
+    effects: tuple[str, ...]  # names of those of the belief, sorted
     loop: Settings
-    feedforward: Settings
-    training: Mapping[str, Any] = field(default_factory=dict)
-    seen: Mapping[str, float] = field(default_factory=dict)
+    feedforward: Settings  # settings of the controller that it corrects
+    training: Mapping[str, Any] = field(default_factory=dict)  # record for a reader
+    seen: Mapping[str, float] = field(default_factory=dict)  # :mod:`baselines.monitors`
 
     @classmethod
     def untrained(cls, belief: PlantModel, layout: ObservationLayout, hidden: int) -> StudentPolicy:
@@ -180,30 +153,6 @@ class StudentController(AdaptiveDualLoop):
     """A student with the controller that it corrects, at the sampling time of its training.
 
     The base runs with the settings that the student was taught on.
-
-    Parameters
-    ----------
-    policy
-        What was learned.
-    belief, layout
-        As :class:`baselines.base.Baseline`.
-    on_decision
-        Called with every sample, by a training.
-
-    Raises
-    ------
-    InputError
-        The student was taught at another sampling time.
-
-    Examples
-    --------
-    >>> from rdpi_gym.plant import P10
-    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
-    >>> policy = StudentPolicy.untrained(P10, layout, hidden=4)
-    >>> taught, base = StudentController(policy, P10, layout), AdaptiveDualLoop(P10, layout)
-    >>> shown = np.full((1, layout.size), 0.1, dtype=np.float32)
-    >>> bool(taught.predict(shown)[0] == base.predict(shown)[0])
-    True
     """
 
     def __init__(

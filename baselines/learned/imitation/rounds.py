@@ -130,14 +130,10 @@ SETTLED = 100
 class Base:
     """Measurements of the controller that is corrected, made once."""
 
-    policy: StudentPolicy
-    # A student that adds nothing.
-    arrays: Mapping[str, Any]
-    # The network to begin with, its scales those of what is seen.
-    weights: Array
-    # Of each reference: one over the RMS error that the base leaves (1 / units).
-    held_out: Score
-    # Its score on the validation draws.
+    policy: StudentPolicy  # a student that adds nothing
+    arrays: Mapping[str, Any]  # the network to begin with, its scales those of what is seen
+    weights: Array  # of each reference: one over the RMS error that the base leaves (1 / units)
+    held_out: Score  # its score on the validation draws
 
 
 class Rounds:

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
-from baselines.base import Observation
+from baselines.base import Observation, lane_products, product
 from baselines.damping import CorrectedAdaptive
-from baselines.lanes import lane_products, product
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
@@ -58,24 +57,10 @@ class Student:
     both show. φ are the first of the inputs, 1 and the newest errors, not compressed: with h at rest
     the student is a linear filter without poles, and what h makes of it is an adaptive one. Its own
     newest corrections are seen by the unit alone, or a fit could make an oscillator of them.
-
-    Raises
-    ------
-    InputError
-        Arrays that do not fit each other, or that are not finite.
-
-    Examples
-    --------
-    >>> student = Student.blank(inputs=3, hidden=2, weighted=2)
-    >>> memory = np.zeros((student.rows, 5), dtype=np.float32)
-    >>> student.answer_um(np.ones((3, 5)), np.zeros(5), memory).tolist()
-    [0.0, 0.0, 0.0, 0.0, 0.0]
     """
 
-    arrays: Mapping[str, Float32]
-    # By the names of :data:`ARRAYS`, float32.
-    weighted: int
-    # The first of the inputs, which are weighted too.
+    arrays: Mapping[str, Float32]  # by the names of :data:`ARRAYS`, float32
+    weighted: int  # the first of the inputs, which are weighted too
 
     def __post_init__(self) -> None:
         found = self.arrays
@@ -183,16 +168,12 @@ KNOWN = WEIGHTED + len(SLOW_S)
 class DecisionSample(NamedTuple):
     """One decision of a student, and what the estimate beside it was."""
 
-    seen: Array
-    # ``(inputs, B)``.
+    seen: Array  # ``(inputs, B)``
     error_um: Array
-    correction_um: Array
-    # Measured error, and what the student answered (µm), ``(B,)``.
-    wanted_um: Array
-    # w, all that the belief's inverse is given (µm), ``(B,)``.
+    correction_um: Array  # measured error, and what the student answered (µm), ``(B,)``
+    wanted_um: Array  # w, all that the belief's inverse is given (µm), ``(B,)``
     theta: Array
-    answered: Array
-    # The estimate, and the φ of the reference that it multiplies, ``(F, B)``.
+    answered: Array  # the estimate, and the φ of the reference that it multiplies, ``(F, B)``
     phi: Array
     left_um: Array
     # φ of what was measured, which it learned from last, ``(F, B)``, and z - θ·φ (µm), ``(B,)``.
@@ -209,15 +190,6 @@ class StudentFeedforward(CorrectedAdaptive):
     each play is from the reference, and each slow low-pass; the estimate, as distance from its prior
     in expected deviations; what the estimate leaves unexplained of the newest sample that it can
     compare; the base's own correction; and for how long the episode runs.
-
-    Parameters
-    ----------
-    belief, layout, settings
-        As :class:`baselines.tuning.Tunable`.
-    student
-        What is added.
-    on_decision
-        Called with every sample, by a training.
     """
 
     def __init__(

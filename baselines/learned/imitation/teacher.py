@@ -11,11 +11,11 @@ from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
 from baselines.classical import pack_inverse
 from baselines.damping import AdaptiveDualLoop
 from baselines.feedforward import Feedforward
-from baselines.learned.envelope import EnvelopeRecorder
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.student import UNIT_UM, DecisionSample, Float32
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.loops import LinearSystem, linear_part
+from baselines.monitors import EnvelopeRecorder
 from rdpi_gym.envs.tasks import Lanes, StageTask
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.plant import RDPI, Plant, PlantModel
@@ -33,8 +33,7 @@ class Systems:
     a: Float32
     b: Float32
     c: Float32
-    d: Float32
-    # ``(B, n, n)``, ``(B, n)``, ``(B, n)``, ``(B,)``.
+    d: Float32  # ``(B, n, n)``, ``(B, n)``, ``(B, n)``, ``(B,)``
 
     @classmethod
     def of(cls, systems: Sequence[LinearSystem]) -> Systems:
@@ -53,12 +52,9 @@ class Inverse:
 
     gain: float
     weights: Float32
-    thresholds_um: Float32
-    # 1/a_0, b_i and s_i at rest.
-    per_um: float
-    # Growth of every s_i with the change of w in a sample (µm/µm).
-    plays_um: Float32
-    # η_i at rest, ``(n,)``.
+    thresholds_um: Float32  # 1/a_0, b_i and s_i at rest
+    per_um: float  # growth of every s_i with the change of w in a sample (µm/µm)
+    plays_um: Float32  # η_i at rest, ``(n,)``
 
     @classmethod
     def of(cls, inverse: Feedforward) -> Inverse:
@@ -80,17 +76,14 @@ class Plays:
     """The true hysteresis of every lane, Eq. 3 to 5, at its own low-passed rate."""
 
     gain: Float32
-    weights: Float32
-    # a_0 ``(B,)`` and a_i ``(B, n)`` (µm/V).
+    weights: Float32  # a_0 ``(B,)`` and a_i ``(B, n)`` (µm/V)
     thresholds_V: Float32
-    delta2_s: Float32
-    # At rest ``(B, n)``, and δ2 ``(B,)``.
+    delta2_s: Float32  # at rest ``(B, n)``, and δ2 ``(B,)``
     pole: Float32
     per_V: Float32
     # Of the rate's low-pass, and what a change of the command of 1 V in a sample adds to it
     # (V/s), ``(B,)``.
-    memory_V: Float32
-    # ξ_i at rest, ``(B, n)``.
+    memory_V: Float32  # ξ_i at rest, ``(B, n)``
 
     @classmethod
     def of(cls, cores: Sequence[RDPI], ts_s: float, memory_V: Array) -> Plays:
@@ -119,18 +112,12 @@ class Estimate:
 
     theta: Float32
     answered: Float32
-    phi: Float32
-    # As :class:`~baselines.learned.imitation.student.DecisionSample`, ``(K, B, F)``.
-    left_um: Float32
-    # ε, ``(K, B)``.
-    covariance: Float32
-    # P at every :data:`RENEWED` samples, ``(K / RENEWED, B, F, F)``.
-    spread: Float32
-    # Expected deviations, ``(F,)``.
-    scale_um: float
-    # Scale of what the base answers, as a student sees it.
-    kept: float
-    # λ.
+    phi: Float32  # as :class:`~baselines.learned.imitation.student.DecisionSample`, ``(K, B, F)``
+    left_um: Float32  # ε, ``(K, B)``
+    covariance: Float32  # P at every :data:`RENEWED` samples, ``(K / RENEWED, B, F, F)``
+    spread: Float32  # expected deviations, ``(F,)``
+    scale_um: float  # scale of what the base answers, as a student sees it
+    kept: float  # λ
     begins: int
     late: int
     # First decision that learns, and samples by which w was entered before it is compared.
@@ -171,22 +158,16 @@ class LoopModel:
     what rings is withdrawn. Where the hysteresis is of another kind, the belief's stands for it.
     """
 
-    wanted_um: Float32
-    # w, ``(K, B)``.
-    start_um: Float32
-    # The w of before, ``(B,)``.
-    given_um: Float32
-    # What the plays gave, ``(K, B)``.
-    rest_V: float
-    # Command before the first.
+    wanted_um: Float32  # w, ``(K, B)``
+    start_um: Float32  # the w of before, ``(B,)``
+    given_um: Float32  # what the plays gave, ``(K, B)``
+    rest_V: float  # command before the first
     inverse: Inverse
     plays: Plays
-    estimate: Estimate
-    # See there.
+    estimate: Estimate  # see there
     before: Systems
     behind: Systems
-    feedback: Systems
-    # Linear parts: of the command, of what the plays give, and of the error.
+    feedback: Systems  # linear parts: of the command, of what the plays give, and of the error
 
 
 def loop_model(
@@ -261,21 +242,15 @@ def _covariances(phi: Array, fit: ForgettingLeastSquares) -> Array:
 class Rollout:
     """Rollout of a student on lanes, decision by decision; displacements in :data:`UNIT_UM`."""
 
-    seen: Float32
-    # ``float32[K, inputs, B]``.
+    seen: Float32  # ``float32[K, inputs, B]``
     error: Float32
     correction: Float32
     # Measured error that was seen, and the correction that was answered, ``float32[K, B]``.
-    left: Float32
-    # True tracking error one sample later, ``float32[K, B]``.
-    loop_model: LoopModel
-    # What another correction would have met.
-    first: int
-    # Decision from which on errors are scored.
-    score: Score
-    # Of the run.
-    largest: Mapping[str, float]
-    # How far its loops went, see :mod:`baselines.learned.envelope`.
+    left: Float32  # true tracking error one sample later, ``float32[K, B]``
+    loop_model: LoopModel  # what another correction would have met
+    first: int  # decision from which on errors are scored
+    score: Score  # of the run
+    largest: Mapping[str, float]  # how far its loops went, see :mod:`baselines.monitors`
 
 
 @dataclass(frozen=True)
@@ -283,12 +258,9 @@ class Score:
     """Tracking scores of lanes."""
 
     rmse_um: Array
-    peak_um: Array
-    # Of each lane: RMS error, and peak to peak of the reference (µm), ``(B,)``.
-    absolute_um: Array
-    # Mean size of the error (µm), ``(B,)``.
-    command_variation_V_s: Array
-    # Of each lane, ``(B,)``.
+    peak_um: Array  # of each lane: RMS error, and peak to peak of the reference (µm), ``(B,)``
+    absolute_um: Array  # mean size of the error (µm), ``(B,)``
+    command_variation_V_s: Array  # of each lane, ``(B,)``
 
     @property
     def percent(self) -> Array:

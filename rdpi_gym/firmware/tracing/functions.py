@@ -212,8 +212,7 @@ def _refuse(options: Mapping[str, Any]) -> None:
 
 def _matmul(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
     recording = recording_of(a, b)
-    left = a if isinstance(a, Traced) else np.asarray(a, dtype=np.float64)
-    right = b if isinstance(b, Traced) else np.asarray(b, dtype=np.float64)
+    left, right = (x if isinstance(x, Traced) else np.asarray(x, dtype=np.float64) for x in (a, b))
     shape = (*left.shape[:-1], *right.shape[1:])
     rows = left.reshape(1, -1) if left.ndim == 1 else left
     columns = right.reshape(-1, 1) if right.ndim == 1 else right
@@ -325,6 +324,10 @@ def _real(array: Traced) -> Traced:
     return array if array.kind == "real" else compute("real", lambda x: x, array)
 
 
+def _moved_first(array: Traced, axis: int) -> Traced:
+    return array.view(np.moveaxis(array.places, axis, 0))
+
+
 def _cumsum(a: Traced, axis: int | None = None, dtype: Any = None, **options: Any) -> Traced:
     _refuse(options)
     array, axis = _axis(a, axis)
@@ -333,10 +336,6 @@ def _cumsum(a: Traced, axis: int | None = None, dtype: Any = None, **options: An
     for i in range(1, len(along)):
         assign(along[i : i + 1], along[i - 1 : i] + along[i : i + 1])
     return found
-
-
-def _moved_first(array: Traced, axis: int) -> Traced:
-    return array.view(np.moveaxis(array.places, axis, 0))
 
 
 def _diff(
@@ -360,7 +359,7 @@ def _diff(
 
 def _concatenate(arrays: Sequence[Any], axis: int | None = 0, **options: Any) -> Traced:
     _refuse(options)
-    parts = [each if isinstance(each, Traced) else np.asarray(each) for each in arrays]
+    parts = [_array(each) for each in arrays]
     if axis is None:
         parts, axis = [part.reshape(-1) for part in parts], 0
     kinds = {_kind(part) for part in parts}
@@ -378,35 +377,27 @@ def _concatenate(arrays: Sequence[Any], axis: int | None = 0, **options: Any) ->
     return out
 
 
+def _array(operand: Any) -> Any:
+    return operand if isinstance(operand, Traced) else np.asarray(operand)
+
+
 def _stack(arrays: Sequence[Any], axis: int = 0, **options: Any) -> Traced:
-    parts = [_lifted(each, axis) for each in arrays]
+    parts = [np.expand_dims(_array(each), axis) for each in arrays]
     return _concatenate(parts, axis=axis, **options)
 
 
-def _lifted(array: Any, axis: int) -> Any:
-    if isinstance(array, Traced):
-        return array.view(np.expand_dims(array.places, axis))
-    return np.expand_dims(np.asarray(array), axis)
-
-
 def _vstack(arrays: Sequence[Any], **options: Any) -> Traced:
-    return _concatenate([_at_least(each, 2) for each in arrays], **options)
+    return _concatenate([np.atleast_2d(each) for each in arrays], **options)
 
 
 def _hstack(arrays: Sequence[Any], **options: Any) -> Traced:
-    parts = [_at_least(each, 1) for each in arrays]
+    parts = [np.atleast_1d(each) for each in arrays]
     return _concatenate(parts, axis=0 if parts[0].ndim == 1 else 1, **options)
 
 
-def _at_least(array: Any, ndim: int) -> Any:
-    array = array if isinstance(array, Traced) else np.asarray(array)
-    return array.reshape((1,) * max(ndim - array.ndim, 0) + array.shape)
-
-
 def _outer(a: Operand, b: Operand, out: Traced | None = None) -> Traced:
-    column = a.reshape(-1, 1) if isinstance(a, Traced) else np.asarray(a).reshape(-1, 1)
-    row = b.reshape(1, -1) if isinstance(b, Traced) else np.asarray(b).reshape(1, -1)
-    return compute("real", lambda x, y: f"{x} * {y}", column, row, out=out)
+    column, row = _array(a).reshape(-1, 1), _array(b).reshape(1, -1)
+    return compute("real", "{} * {}".format, column, row, out=out)
 
 
 def _viewed(function: Callable[..., Any]) -> Callable[..., Traced]:
@@ -418,8 +409,9 @@ def _viewed_by(method: str) -> Callable[..., Traced]:
     return lambda a, *given: a.view(getattr(a.places, method)(*given))
 
 
-def _repeat(a: Traced, repeats: Any, axis: int | None = None) -> Traced:
-    return copy_of(a.view(np.repeat(a.places, repeats, axis=axis)))
+def _picked(function: Callable[..., Any]) -> Callable[..., Traced]:
+    """Return a copy of what NumPy itself does on the places of the elements."""
+    return lambda a, *given, **options: copy_of(a.view(function(a.places, *given, **options)))
 
 
 def _split(ary: Traced, indices_or_sections: Any, axis: int = 0) -> list[Traced]:
@@ -507,8 +499,8 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
     np.vstack: _vstack,
     np.hstack: _hstack,
     np.split: _split,
-    np.tile: lambda a, reps: copy_of(a.view(np.tile(a.places, reps))),
-    np.repeat: _repeat,
+    np.tile: _picked(np.tile),
+    np.repeat: _picked(np.repeat),
     np.any: _any,
     np.all: _all,
     np.max: _max,

@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -89,7 +90,7 @@ class Interception:
 
     def _collect(self, root: object) -> None:
         rooms = {*_ROOMS, *(kind.__module__.split(".")[0] for kind in type(root).__mro__[:-2])}
-        numpy, making, torch = _NumPy(self), _ArrayMaking(self), _Torch(self)
+        numpy, making, torch = _NumPy(self, False), _NumPy(self, True), _Torch(self)
         for name, module in list(sys.modules.items()):
             if name.split(".")[0] not in rooms or name.startswith("rdpi_gym.firmware"):
                 continue
@@ -188,51 +189,41 @@ class Recorder:
         return answer
 
 
-class _NumPy:
-    """NumPy, but that what makes arrays of arrays takes traced ones as they are."""
+_MADE: Mapping[str, Callable[..., tuple[Any, Any, Any]]] = {
+    "zeros": lambda shape, dtype=float: (shape, dtype, 0),
+    "ones": lambda shape, dtype=float: (shape, dtype, 1),
+    "empty": lambda shape, dtype=float: (shape, dtype, None),
+    "full": lambda shape, fill_value, dtype=None: (
+        shape,
+        dtype if dtype is not None else getattr(fill_value, "dtype", type(fill_value)),
+        fill_value,
+    ),
+}
+"""Shape, type and value of what NumPy makes."""
 
-    def __init__(self, interception: Interception) -> None:
-        self._interception = interception
+
+class _NumPy:
+    """NumPy, but that traced arrays are taken as they are; what it `makes` is traced, too, if asked for."""
+
+    def __init__(self, interception: Interception, makes: bool) -> None:
+        self._interception, self._makes = interception, makes
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(np, name)
+        if name in ("asarray", "ascontiguousarray", "array"):
+            return partial(self._taken, name)
+        return partial(self._made, name) if self._makes and name in _MADE else getattr(np, name)
 
-    def asarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
+    def _taken(self, name: str, a: Any, dtype: Any = None, **options: Any) -> Any:
         if not isinstance(a, Traced):
-            return np.asarray(a, dtype, **options)
+            return getattr(np, name)(a, dtype, **options)
+        if name == "array":
+            return copy_of(a)
         return a if dtype is None or np.dtype(dtype) == a.dtype else a.astype(dtype)
 
-    def ascontiguousarray(self, a: Any, dtype: Any = None, **options: Any) -> Any:
-        if not isinstance(a, Traced):
-            return np.ascontiguousarray(a, dtype, **options)
-        return self.asarray(a, dtype)
-
-    def array(self, a: Any, dtype: Any = None, **options: Any) -> Any:
-        return copy_of(a) if isinstance(a, Traced) else np.array(a, dtype, **options)
-
-
-class _ArrayMaking(_NumPy):
-    """The same, and what makes arrays makes traced ones."""
-
-    def zeros(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
-        return self._made("zeros", shape, dtype, 0, options)
-
-    def ones(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
-        return self._made("ones", shape, dtype, 1, options)
-
-    def empty(self, shape: Any, dtype: Any = float, **options: Any) -> Any:
-        return self._made("empty", shape, dtype, None, options)
-
-    def full(self, shape: Any, fill_value: Any, dtype: Any = None, **options: Any) -> Any:
-        if not self._interception.is_ours:
-            return np.full(shape, fill_value, dtype, **options)
-        kind = dtype if dtype is not None else getattr(fill_value, "dtype", type(fill_value))
-        return self._made("full", shape, kind, fill_value, options)
-
-    def _made(self, name: str, shape: Any, dtype: Any, value: Any, options: Any) -> Any:
-        if not self._interception.is_ours or options:
-            given = (shape, value) if name == "full" else (shape,)
-            return getattr(np, name)(*given, dtype=dtype, **options)
+    def _made(self, name: str, *given: Any, **options: Any) -> Any:
+        if not self._interception.is_ours or options.keys() - {"shape", "fill_value", "dtype"}:
+            return getattr(np, name)(*given, **options)
+        shape, dtype, value = _MADE[name](*given, **options)
         shape = (shape,) if np.ndim(shape) == 0 else tuple(shape)
         found = self._interception.recording.array(shape, kind_of(dtype))
         if value is not None:

@@ -55,9 +55,6 @@ class Expressions(Scope):
             raise InputError(f"{ast.unparse(node)!r} is no number")
         return value
 
-    def _truth(self, node: ast.expr) -> Known | Number:
-        return self._scalar(node)
-
     def _expression(self, node: ast.expr, target: ast.expr | None = None) -> Item:
         if isinstance(node, ast.Constant):
             return Known(node.value)
@@ -144,7 +141,7 @@ class Expressions(Scope):
         return found
 
     def _either(self, node: ast.IfExp) -> Item:
-        test = self._truth(node.test)
+        test = self._scalar(node.test)
         if isinstance(test, Known):
             return self._expression(node.body if test.value else node.orelse)
         before = len(self.lines)

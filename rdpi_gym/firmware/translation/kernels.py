@@ -244,8 +244,8 @@ class Body(Expressions):
             for k, value in enumerate(values):  # all are read before any is written
                 earlier = [g for g in goals[:k] if g]
                 if isinstance(value, Number) and any(_mentions(value.text, g) for g in earlier):
-                    self._assigned_at_once(first.elts, values)
-                    return
+                    values = [self._kept(v) if isinstance(v, Number) else v for v in values]
+                    break
             for target, value in zip(first.elts, values, strict=True):
                 self._store(target, value)
             return
@@ -255,11 +255,6 @@ class Body(Expressions):
         if len(targets) > 1 and isinstance(value, Number) and changes:
             value = self._kept(value)
         for target in targets:
-            self._store(target, value)
-
-    def _assigned_at_once(self, targets: Sequence[ast.expr], values: Sequence[Item]) -> None:
-        kept = [self._kept(v) if isinstance(v, Number) else v for v in values]
-        for target, value in zip(targets, kept, strict=True):
             self._store(target, value)
 
     def _goal(self, target: ast.expr) -> str:
@@ -352,7 +347,7 @@ class Body(Expressions):
         self._env[name] = value
 
     def _branched(self, node: ast.If) -> bool:
-        test = self._truth(node.test)
+        test = self._scalar(node.test)
         if isinstance(test, Known):
             return self._statements(node.body if test.value else node.orelse)
         self._materialise([*node.body, *node.orelse], node)
@@ -438,7 +433,8 @@ class Body(Expressions):
         self._line(f"for (int32_t {name} = {start}; {name} {sign} {stop}; {move}) {{")
         if items is not None:
             assert isinstance(target, ast.Tuple)
-            self._env_item(target.elts[1], items.fixed(0, Number(name, "int")))
+            assert isinstance(target.elts[1], ast.Name)
+            self._env[target.elts[1].id] = self._read(items.fixed(0, Number(name, "int")))
         self._block(node.body)
         self._line("}")
         self._variables = variables
@@ -447,10 +443,6 @@ class Body(Expressions):
         else:
             self._env[counter.id] = kept
         return False
-
-    def _env_item(self, target: ast.expr, item: View) -> None:
-        assert isinstance(target, ast.Name)
-        self._env[target.id] = self._read(item)
 
     def _turns(self, node: ast.expr) -> list[Item] | tuple[str, str, int, View | None]:
         """Return the range of a loop: known items, or first, last and step in C."""
@@ -466,18 +458,14 @@ class Body(Expressions):
                 return [(Known(k), Known(each)) for k, each in enumerate(tuple_of(over))]
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.flatnonzero":
             flags = self._expression(node.args[0])
-            if isinstance(flags, View) and flags.size == 1:
-                return self._guarded(flags)
+            if isinstance(flags, View) and flags.size == 1:  # one turn where the one flag is set
+                flag = self._read(flags.fixed(0, Known(0)))
+                assert isinstance(flag, Number)
+                return "0", f"({flag.text} ? 1 : 0)", 1, None
         over = self._expression(node)
         if isinstance(over, Known):
             return [Known(each) for each in tuple_of(over)]
         raise InputError(f"a loop over {ast.unparse(node)!r} has no C")
-
-    def _guarded(self, flags: View) -> list[Item] | tuple[str, str, int, View | None]:
-        """One turn where the one flag is set."""
-        flag = self._read(flags.fixed(0, Known(0)))
-        assert isinstance(flag, Number)
-        return "0", f"({flag.text} ? 1 : 0)", 1, None
 
     def _range(self, limits: Sequence[Scalar]) -> list[Item] | tuple[str, str, int, View | None]:
         start: Scalar = limits[0] if len(limits) > 1 else Known(0)
@@ -496,7 +484,7 @@ class Body(Expressions):
     def _repeated(self, node: ast.While) -> None:
         self._materialise(node.body, node)
         before = len(self.lines)
-        test = self._truth(node.test)
+        test = self._scalar(node.test)
         if len(self.lines) != before:
             raise InputError(
                 f"the condition {ast.unparse(node.test)!r} needs statements of its own"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rdpi_gym.firmware.fixed_point import FixedMemory, FixedPoint, FixedTable
+from rdpi_gym.firmware.fixed_point import FixedPoint
 from rdpi_gym.firmware.program import C_KEYWORDS, Memory, Program, Table, literal
 from rdpi_gym.firmware.writing.templating import filled, helpers, template
 
@@ -152,27 +152,23 @@ def _what(program: Program) -> str:
     return f"Plant {model}" if program.kind == "plant" else f"Controller {title} for plant {model}"
 
 
-def _fields(parts: Iterable[Table | Memory | FixedTable | FixedMemory]) -> Iterator[str]:
+def _fields(parts: Iterable[Table | Memory]) -> Iterator[str]:
     known: set[str] = set()
     for part in parts:
         is_word = re.fullmatch(r"[a-z][a-z0-9_]*", part.name) and part.name not in C_KEYWORDS
         if not is_word or part.name in known:
             raise ValueError(f"{part.name!r} is no new identifier of C")
         known.add(part.name)
-        kind = part.type if isinstance(part, FixedTable | FixedMemory) else "rdpi_real"
-        yield f"    {kind} {part.name}[{_length(part)}];"
+        count = len(part.values if isinstance(part, Table) else part.rest)
+        yield f"    {part.type} {part.name}[{count}];"
     if not known:
         yield "    uint8_t none;"
 
 
-def _length(part: Table | Memory | FixedTable | FixedMemory) -> int:
-    return len(part.values if isinstance(part, Table | FixedTable) else part.rest)
-
-
 def _structs(
     name: str,
-    tables: Sequence[Table] | Sequence[FixedTable],
-    memory: Sequence[Memory] | Sequence[FixedMemory],
+    tables: Sequence[Table],
+    memory: Sequence[Memory],
 ) -> str:
     return "\n".join(
         [
@@ -208,8 +204,8 @@ def _macros(asked: set[str], own: set[str]) -> list[str]:
 
 
 def _own_text(
-    tables: Sequence[Table] | Sequence[FixedTable],
-    memory: Sequence[Memory] | Sequence[FixedMemory],
+    tables: Sequence[Table],
+    memory: Sequence[Memory],
     functions: str,
     step: str,
     source: Source,
@@ -217,7 +213,7 @@ def _own_text(
     """Tables, what memory is at rest, the functions and the body, in one precision."""
     name = source.name
     lines = [f"const {name}_parameters {name}_default = {{"]
-    lines += [braced(_values(table)) for table in tables]
+    lines += [braced([_number(value, table.type) for value in table.values]) for table in tables]
     lines += ["    0"] if not tables else []
     lines += ["};", ""]
     first = ", rdpi_real reference_um" if _takes_reference(source) else ""
@@ -254,15 +250,12 @@ def _function(head: str, name: str, inputs: Sequence[str], body: str) -> list[st
 
 def _takes_reference(source: Source) -> bool:
     """Whether the memory at rest depends on the first reference, in some precision."""
-    fixed = () if source.fixed is None else source.fixed.memory
-    begins = bool(source.program.begin) or any(part.from_reference for part in fixed)
-    return begins or any(bool(np.any(part.by_reference)) for part in source.program.memory)
+    memory = [*source.program.memory, *(() if source.fixed is None else source.fixed.memory)]
+    return bool(source.program.begin) or any(np.any(part.by_reference) for part in memory)
 
 
-def _values(table: Table | FixedTable) -> list[str]:
-    if isinstance(table, FixedTable):
-        return [_whole(value, table.type) for value in table.values]
-    return [literal(float(value)) for value in table.values]
+def _number(value: float, kind: str) -> str:
+    return literal(float(value)) if kind == "rdpi_real" else _whole(int(value), kind)
 
 
 def braced(values: Sequence[str], across: int = 4) -> str:
@@ -280,18 +273,13 @@ def _whole(value: int, kind: str) -> str:
     return f"({text}({value + 1}) - 1)" if value == lowest else f"{text}({value})"
 
 
-def _rest(memory: Sequence[Memory] | Sequence[FixedMemory]) -> Iterator[str]:
+def _rest(memory: Sequence[Memory]) -> Iterator[str]:
     """Statements that set memory to where an episode begins."""
     if not memory:
         yield "    m->none = 0;"
     for part in memory:
-        if isinstance(part, FixedMemory):
-            rest = [
-                "reference_um" if part.from_reference else _whole(value, part.type)
-                for value in part.rest
-            ]
-        else:
-            rest = [_begin(*pair) for pair in zip(part.rest, part.by_reference, strict=True)]
+        pairs = zip(part.rest, part.by_reference, strict=True)
+        rest = [_begin(value, slope, part.type) for value, slope in pairs]
         at = 0
         while at < len(rest):  # equal neighbours by a loop
             end = at
@@ -306,9 +294,9 @@ def _rest(memory: Sequence[Memory] | Sequence[FixedMemory]) -> Iterator[str]:
             at = end
 
 
-def _begin(rest: float, by_reference: float) -> str:
+def _begin(rest: float, by_reference: float, kind: str) -> str:
     if by_reference == 0.0:
-        return literal(float(rest))
+        return _number(rest, kind)
     slope = (
         "reference_um" if by_reference == 1.0 else f"{literal(float(by_reference))} * reference_um"
     )

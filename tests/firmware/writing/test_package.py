@@ -9,8 +9,7 @@ import pytest
 
 from rdpi_gym.firmware.making import package_of
 from rdpi_gym.firmware.writing import package as packages
-from rdpi_gym.firmware.writing.manual import DEVIATIONS, state_bytes
-from rdpi_gym.firmware.writing.package import Package, write_package
+from rdpi_gym.firmware.writing.package import DEVIATIONS, Package, state_bytes, write_package
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.plant import named_plant
 from rdpi_gym.support.errors import InputError

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.firmware.writing.manual import count
+from rdpi_gym.firmware.writing.package import count
 from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.firmware.writing.vectors import ALLOWED, ROUGH, Roundings, vectors, vectors_text
 from rdpi_gym.support.errors import InputError

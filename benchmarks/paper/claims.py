@@ -1,19 +1,124 @@
-"""Rules that turn figures into verdicts on the paper's claims."""
+"""Figures and numbers of the paper as cases to simulate, and the rules for a verdict on each."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
 from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.paper.cases import BOUND_UM, SECTION_V, Claim
-from benchmarks.paper.stability import Limit
-from benchmarks.paper.tracking import Trace, Tracking
-from benchmarks.paper.variants import StaticRun
-from rdpi_gym.plant import PAPER_SENSOR
+from benchmarks.paper.tracking import READINGS, Reading, Sine, Trace, Tracking
+from rdpi_gym.plant import PAPER_III_B, PAPER_IV_B, PAPER_SENSOR
 from rdpi_gym.support.words import number
+
+TS_S = (1e-3, 1e-4, 1e-6)
+"""Sampling times of Section III-B (s)."""
+FREQUENCIES_HZ = (1.0, 25.0, 50.0)
+"""Frequencies of Section III-B (Hz)."""
+BOUND_UM = 3.0
+"""Section V: the error is "bounded within 3 µm"."""
+TABLE_TS_S = (1e-3, 1e-4, 1e-5, 1e-6)
+LOOP_SAMPLES = 400
+"""Section IV-B: data points K of a loop."""
+
+SWEEP_LABEL = "Section III-A, error against Ts"
+
+COMPENSATORS = tuple(r for r in READINGS.values() if r.structure != "none")
+INVERSION_FREE = tuple(r for r in COMPENSATORS if r.structure == "inversion-free")
+
+
+class Claim(Enum):
+    """Claim of the paper on a case."""
+
+    LOOP = "the hysteresis loop widens with the frequency"
+    SMALLER_TS = "reducing the sampling time improves the compensation: e(k) → 0"
+    SMALLER_TS_PAIR = "the output at Ts = 1e-4 s follows the reference better than at 1e-3 s"
+    COMPLETE = "complete compensation at Ts = 1e-6 s"
+    BOUND = "the error is bounded within 3 µm"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One simulation that stands for a panel or a number of the paper."""
+
+    label: str  # figure or section
+    claim: Claim  # what the paper says of it
+    # what is simulated
+    reading: Reading
+    sine: Sine
+    paper_value: float | None = None  # the number in the paper's text, where it has one
+
+
+def section_iii(frequency_hz: float, ts_s: float) -> Sine:
+    """Return the reference of Section III-B: amplitude 10 on the five-play model."""
+    return Sine("P5", PAPER_III_B, 10.0, frequency_hz, ts_s)
+
+
+SECTION_V = Sine("P10", PAPER_IV_B, 40.0, 80.0, 5e-5)
+"""Reference of Section V: 40 µm, 80 Hz, 50 µs."""
+
+# Fig. 7 prints no drive; its loops are those of a 40 V sine, K = 400 samples each.
+FIG_7 = tuple(Sine("P10", PAPER_IV_B, 40.0, hz, 1.0 / (LOOP_SAMPLES * hz)) for hz in (10.0, 100.0))
+
+SWEEP = tuple(
+    section_iii(50.0, 1.0 / (50.0 * m)) for m in np.rint(np.geomspace(20, 20_000, 22)).tolist()
+)
+"""Sampling times between those of the paper, 50 Hz."""
+
+
+def paper_cases() -> tuple[Case, ...]:
+    """Return every simulated case, in the order of the paper."""
+    none = (READINGS["none"],)
+    fine = TS_S[-1]
+    # label, claim, readings, references
+    panels: list[tuple[str, Claim, Sequence[Reading], Sequence[Sine]]] = [
+        *(
+            (f"Fig. 3{panel}", Claim.LOOP, none, [section_iii(hz, TS_S[0])])
+            for panel, hz in zip("abc", FREQUENCIES_HZ, strict=True)
+        ),
+        *(
+            (
+                f"Fig. 3{panel}",
+                Claim.SMALLER_TS,
+                INVERSION_FREE,
+                [section_iii(hz, ts) for ts in TS_S],
+            )
+            for panel, hz in zip("def", FREQUENCIES_HZ, strict=True)
+        ),
+        *(
+            (f"Fig. 4{panel}", Claim.SMALLER_TS_PAIR, (reading,), [section_iii(50.0, ts_s)])
+            for reading in INVERSION_FREE
+            for panel, ts_s in zip("ab", TS_S[:2], strict=True)
+        ),
+        *(
+            (f"Fig. 5{panel}", Claim.COMPLETE, INVERSION_FREE, [section_iii(hz, fine)])
+            for panel, hz in zip("abc", FREQUENCIES_HZ, strict=True)
+        ),
+        (
+            SWEEP_LABEL,
+            Claim.SMALLER_TS,
+            tuple(READINGS.values()),
+            [section_iii(50.0, ts_s) for ts_s in TABLE_TS_S],
+        ),
+        ("Fig. 7", Claim.LOOP, none, FIG_7),
+        ("Section V, no compensation", Claim.BOUND, none, [SECTION_V]),
+    ]
+    cases = [
+        Case(label, claim, reading, sine)
+        for label, claim, readings, sines in panels
+        for reading in readings
+        for sine in sines
+    ]
+    panel_of = {"inversion-free": "Fig. 8a", "closed-form": "Fig. 8b"}
+    bounds = (
+        Case(panel_of[reading.structure], Claim.BOUND, reading, SECTION_V, BOUND_UM)
+        for reading in COMPENSATORS
+    )
+    return (*cases, *bounds)
+
 
 COMPLETE_PERCENT = 100.0 * PAPER_SENSOR.resolution_um / SECTION_V.amplitude_um
 """Compensation is called complete where the paper's sensor could not see the error (%)."""
@@ -93,14 +198,12 @@ def judge_step(series: Sequence[Tracking], run: Tracking) -> str:
     }
     fell = sum(ratio > 1.0 for ratio in ratios.values())
     head = ("does not hold", "holds in part", "holds")[fell]
-    said = " and ".join(f"{name} {_change(ratio)}" for name, ratio in ratios.items())
-    return f"{head}: {said} than at {before.sine.ts_s:g} s"
-
-
-def _change(ratio: float) -> str:
-    if ratio > 1.0:
-        return f"{number(ratio, 3, 'never')} times smaller"
-    return f"{number(1.0 / ratio, 3, 'never')} times larger"
+    changes = " and ".join(
+        f"{name} {number(max(ratio, 1.0 / ratio), 3, 'never')} times "
+        f"{'smaller' if ratio > 1.0 else 'larger'}"
+        for name, ratio in ratios.items()
+    )
+    return f"{head}: {changes} than at {before.sine.ts_s:g} s"
 
 
 def judge_complete(run: Tracking) -> str:
@@ -135,49 +238,15 @@ def judge_loop(slow: Tracking, run: Tracking) -> str:
     return f"{sense}: {opens}, {rest:.3g} % at {slow.sine.frequency_hz:g} Hz"
 
 
-def judge_limit(limit: Limit) -> tuple[str, str]:
-    """Judge "no condition" by both sides of a stability limit: above, below."""
-    agrees = abs(limit.found_s / limit.predicted_s - 1.0) < 1e-3
-    source = f"limit {1e3 * limit.found_s:.3f} ms" + (", as predicted" if agrees else "")
-    verdicts = []
-    for side in (limit.above, limit.below):
-        decays = side.growth < 1.0
-        calm = side.ripple_um < 1e-6
-        if decays and calm:
-            verdicts.append(f"stable: disturbance shrinks {side.growth:.4f} a sample; {source}")
-        else:
-            verdicts.append(
-                f"a condition: disturbance grows {side.growth:.4f} a sample, error ripples by "
-                f"{side.ripple_um:.2g}; {source}"
-            )
-    return verdicts[0], verdicts[1]
-
-
-def judge_static(static: StaticRun) -> str:
-    """Judge "no condition" on a plant without a rate: whether the loop of Eq. 6 alone decays."""
-    rate = f"command {static.spikes:.3g} times as fast as the exact inverse's"
-    if static.growth < 1.0:
-        return f"stable: g = {static.g:.3g} is below 1; {rate}"
-    return f"a condition: g = {static.g:.3g} is above 1; {rate}"
-
-
-def note_limit(run: Tracking) -> str:
-    """Say on which side of its stability limit a run was, where it has one."""
+def judge(claim: Claim, series: Sequence[Tracking], run: Tracking) -> str:
+    """Judge one case, and note the side of its stability limit where the run has one."""
+    if claim is Claim.LOOP:
+        return judge_loop(series[0], run)
+    if claim is Claim.COMPLETE:
+        return judge_complete(run)
+    verdict = judge_bound(run) if claim is Claim.BOUND else judge_step(series, run)
     limit_s = run.reading.stable_from_ts_s(run.sine.hysteresis)
     if limit_s == 0.0:
-        return ""
+        return verdict
     side = "above" if run.sine.ts_s > limit_s else "below"
-    return f"; this Ts is {side} the limit of {1e3 * limit_s:.3f} ms"
-
-
-def judge(claim: Claim, series: Sequence[Tracking], run: Tracking) -> str:
-    """Judge one case."""
-    match claim:
-        case Claim.LOOP:
-            return judge_loop(series[0], run)
-        case Claim.SMALLER_TS | Claim.SMALLER_TS_PAIR:
-            return judge_step(series, run) + note_limit(run)
-        case Claim.COMPLETE:
-            return judge_complete(run)
-        case Claim.BOUND:
-            return judge_bound(run) + note_limit(run)
+    return f"{verdict}; this Ts is {side} the limit of {1e3 * limit_s:.3f} ms"

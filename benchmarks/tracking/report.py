@@ -1,22 +1,32 @@
-"""Leaderboard as Markdown and as files: what was scored, the ranking, the details, the cautions."""
+"""Leaderboard as Markdown, as files and as the page of `rdpi bench`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from baselines import FULL_PREVIEW
-from benchmarks.payoff.tables import payoff_part
-from benchmarks.tracking.evaluation import Evaluation
-from benchmarks.tracking.leaderboard import COLUMNS, CONFIDENCE, ranged
+from benchmarks.payoff.report import payoff_part, payoff_section
+from benchmarks.rows import paragraphs, write_csv
+from benchmarks.tracking import charts
+from benchmarks.tracking.episode import MEANING, words
+from benchmarks.tracking.evaluation import (
+    COLUMNS,
+    CONFIDENCE,
+    RANKING,
+    Evaluation,
+    ranged,
+    ranking_view,
+)
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
-from benchmarks.tracking.scoring import MEANING, words
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
+from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.markdown import frame_table, plain
 from rdpi_gym.support.words import number
 
 METHOD = f"""\
@@ -53,11 +63,11 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         "Geometric mean of the RMSE over the cases, best first, with its confidence interval; `=` "
         "marks a tie. `RMSE, seed 0`: where the belief is true.",
         frame_table(ranking_view(evaluation.ranking)),
-        *_where_trained(evaluation.where_trained),
-        "## What the numbers mean",
-        METHOD,
-        _below_bound(table),
     ]
+    for ts, ranked in evaluation.where_trained.items():
+        title = f"## Ranking at Ts = {ts:g} s, where trained policies run"
+        parts += [title, WHERE_TRAINED, frame_table(ranking_view(ranked))]
+    parts += ["## What the numbers mean", METHOD, _below_bound(table)]
     for stage in selection.stages:
         ts = stage.shown_ts_s
         part = cases[(cases["plant"] == stage.plant.name) & np.isclose(cases["ts_s"], ts)]
@@ -79,11 +89,11 @@ def leaderboard_text(evaluation: Evaluation) -> str:
     parts += ["## On real input", measured_text(measured)]
     if not measured.table.empty:
         parts.append(frame_table(measured.table, digits=4))
-    return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"
+    return paragraphs(parts)
 
 
 def _below_bound(table: pd.DataFrame) -> str:
-    """Say in which rows a controller has a smaller error than the bound, and why."""
+    """State in which rows a controller has a smaller error than the bound, and why."""
     rows = table[table["controller"] != FULL_PREVIEW]
     below = rows[rows["optimality_gap"] < 1.0 - 1e-6]
     counted = int(rows["optimality_gap"].notna().sum())
@@ -97,37 +107,6 @@ def _below_bound(table: pd.DataFrame) -> str:
         "command's range or its last iteration, and it keeps the smallest error over the whole "
         "record, the smooth start that is not scored among it."
     )
-
-
-def _where_trained(rankings: Mapping[float, pd.DataFrame]) -> Iterator[str]:
-    for ts, ranked in rankings.items():
-        yield f"## Ranking at Ts = {ts:g} s, where trained policies run"
-        yield WHERE_TRAINED
-        yield frame_table(ranking_view(ranked))
-
-
-def ranking_view(ranked: pd.DataFrame) -> pd.DataFrame:
-    """Return the ranking with the columns and headings that a reader sees."""
-    return pd.DataFrame(
-        {
-            "rank": ranked["rank"],
-            "controller": ranked["controller"],
-            "RMSE (%)": _ranged(ranked, "rmse_percent"),
-            "RMSE (µm)": ranked["rmse_um"],
-            "status": ranked["status"],
-            "RMSE, seed 0 (%)": ranked["seed_0_rmse_percent"],
-            "optimality gap": _ranged(ranked, "optimality_gap"),
-            "mean rank": ranked["mean_rank"],
-            "places": ranked["places"],
-            "command variation": ranked["command_total_variation"],
-            "µs per sample": ranked["microseconds_per_sample"],
-            "rows": ranked["rows"],
-        }
-    )
-
-
-def _ranged(frame: pd.DataFrame, column: str, digits: int = 3) -> list[str]:
-    return ranged(frame, column, f"{column}_low", f"{column}_high", digits)
 
 
 def _stage_words(stage: Stage, part: pd.DataFrame) -> str:
@@ -149,7 +128,7 @@ def _case_view(part: pd.DataFrame, order: list[str]) -> pd.DataFrame:
                 part["reference"], part["frequency_hz"], part["extrapolated"], strict=True
             )
         ],
-        text=_ranged(part, "rmse_percent", digits=2),
+        text=ranged(part, "rmse_percent", digits=2),
     )
     wide = part.pivot(index="controller", columns="case", values="text")
     run = set(part["controller"])
@@ -186,7 +165,7 @@ def _status_view(table: pd.DataFrame, order: list[str]) -> pd.DataFrame:
 
 
 def measured_text(measured: MeasuredScores) -> str:
-    """Say what the scores on measured records are, or why there are none."""
+    """State what the scores on measured records are, or why there are none."""
     if measured.table.empty:
         return measured.note
     return (
@@ -207,20 +186,126 @@ def write_tables(out: Path, evaluation: Evaluation, payoff: pd.DataFrame | None 
     if payoff is not None:
         table = pd.concat([table, payoff[list(COLUMNS)]], ignore_index=True)
         text += f"\n{payoff_part(payoff)}"
-    write_atomic(out / "leaderboard.csv", _csv(table))
-    write_atomic(out / "ranking.csv", _csv(_rankings(evaluation)))
+    rankings = [(float("nan"), evaluation.ranking), *evaluation.where_trained.items()]
+    parts = [part.assign(ts_s=ts)[["ts_s", *RANKING]] for ts, part in rankings]
+    write_csv(out / "leaderboard.csv", table)
+    write_csv(out / "ranking.csv", pd.concat(parts, ignore_index=True))
     if not evaluation.measured.table.empty:
-        write_atomic(out / "measured.csv", _csv(evaluation.measured.table))
+        write_csv(out / "measured.csv", evaluation.measured.table)
     return write_atomic(out / "leaderboard.md", text)
 
 
-def _rankings(evaluation: Evaluation) -> pd.DataFrame:
-    """Return the ranking and those at one sampling time; ``ts_s`` is missing for the first."""
-    parts = [(float("nan"), evaluation.ranking), *evaluation.where_trained.items()]
-    return pd.concat(
-        [part.assign(ts_s=ts)[["ts_s", *part.columns]] for ts, part in parts], ignore_index=True
+# --- the page ---
+
+_LOOK = (
+    "The colour shows the inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
+    "alone), the symbol the rate that it uses; a dotted line or an open symbol means added feedback."
+)
+_HEADINGS = {
+    "seed_0_rmse_percent": "RMSE, seed 0 (%)",
+    "command_total_variation": "Command variation",
+    "microseconds_per_sample": "µs per sample",
+    "errors": "Rows with errors",
+    "extrapolated": "Beyond identification",
+}
+_WIDTHS = ("_low", "_high", "_half_width")
+
+
+def write_benchmark_page(
+    path: Path, results: Evaluation, payoff: pd.DataFrame | None = None
+) -> Path:
+    """Write the results as a self-contained page."""
+    cases, settings, measured = results.by_case, results.by_sampling_time, results.measured
+    frequency = charts.frequency_charts(cases.dropna(subset="rmse_percent"), results.order)
+    effort = charts.effort_charts(settings.dropna(subset="rmse_percent"), results.order)
+    pairs = _pairs(results)
+    sections = [
+        _ranking_section(
+            "Ranking",
+            "Geometric mean of the RMSE over the cases, with its confidence interval over the drawn "
+            "truths. The upright bar marks the error where the plant equals the controller's belief.",
+            results.ranking,
+        ),
+        *(
+            _ranking_section(f"Ranking at Ts = {ts:g} s", WHERE_TRAINED, ranked)
+            for ts, ranked in results.where_trained.items()
+        ),
+        Section("What the numbers mean", plain(METHOD)),
+    ]
+    if frequency:
+        text = (
+            "Sines of full amplitude. Point at a mark to see its confidence interval. "
+            f"{_LOOK} Click on an entry of the legend to hide it, double-click to see it alone."
+        )
+        sections.append(Section("Error against frequency", text, frequency))
+    if effort:
+        text = (
+            "Geometric means over the references. Quiet commands are on the left; those that "
+            "chatter, dither or pass noise on are on the right."
+        )
+        sections.append(Section("Error against command effort", text, effort))
+    if pairs:
+        text = (
+            "The first scored period of the first seed. Choose a reference here, and two "
+            "controllers, A and B, in the figure."
+        )
+        sections.append(Section("Traces of any pair", text, pairs))
+    text = (
+        "Mean over the drawn truths with its confidence interval, and the total variation of the "
+        "command over the smallest that tracks. The single rows are in leaderboard.csv."
+    )
+    sections.append(Section("Every case", text, table=table_view(cases)))
+    if payoff is not None:
+        sections.append(payoff_section(payoff))
+    drawn = None if measured.table.empty else charts.measured_charts(measured.traces)
+    table = None if measured.table.empty else measured.table
+    sections.append(Section("On real input", plain(measured_text(measured)), drawn, table))
+    scope = (
+        f"{len(results.order)} controllers were scored in {len(results.rows)} rows; the ranking is by "
+        "the geometric mean of the RMSE over all cases and drawn truths."
+    )
+    notes = "\n".join(f"- {note}" for note in results.notes)
+    summary = f"{results.answer}\n\n{scope}\n\n{notes}"
+    return write_page(path, "Tracking benchmark", summary, sections)
+
+
+def _ranking_section(title: str, text: str, ranked: pd.DataFrame) -> Section:
+    finished = ranked["rmse_percent"].notna().any()
+    return Section(
+        title, text, charts.ranking_chart(ranked) if finished else None, table_view(ranked)
     )
 
 
-def _csv(table: pd.DataFrame) -> str:
-    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+def table_view(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return every column under a reader's heading, the ends of the RMSE's interval in one cell.
+
+    Other intervals are omitted; they are in the leaderboard.
+    """
+    view: dict[str, Sequence[object] | pd.Series[Any]] = {}
+    for name in frame.columns.drop("cautions", errors="ignore"):
+        stem = next((name.removesuffix(end) for end in _WIDTHS if name.endswith(end)), name)
+        if stem != name and stem in frame.columns:
+            continue
+        view[_HEADINGS.get(name, name)] = frame[name]
+        if name == "rmse_percent" and f"{name}_low" in frame.columns:
+            ends = zip(frame[f"{name}_low"], frame[f"{name}_high"], strict=True)
+            view["Interval (%)"] = [
+                f"{low:.3g} to {high:.3g}" if np.isfinite(low) else "–" for low, high in ends
+            ]
+    return pd.DataFrame(view)
+
+
+def _pairs(results: Evaluation) -> dict[str, Any]:
+    """Return the traces of the first seed by case, each a figure in which two can be chosen."""
+    by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in results.rows:
+        if "trace" in row and row["seed"] == results.first_seed:
+            case = f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz"
+            name = f"{case}, Ts = {1e6 * row['ts_s']:g} µs"
+            by_case.setdefault(name, {})[row["controller"]] = row["trace"]
+    drawn = {}
+    for name, traces in by_case.items():
+        ordered = {each: traces[each] for each in results.order if each in traces}
+        second = "none" if "none" in ordered else list(ordered)[-1]
+        drawn[name] = charts.pair_figure(ordered, next(iter(ordered)), second)
+    return drawn
