@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from benchmarks.paper.claims import (
 )
 from benchmarks.paper.stability import (
     Divergence,
+    Implementation,
     Limit,
     StaticRun,
     divergence,
@@ -60,8 +61,7 @@ class PaperResults:
     zeros_rad_s: dict[str, float]
     # two runs that differ in the last bits, by reading, at 50 Hz and Ts = 1e-4 s
     divergences: tuple[Divergence, ...]
-    # readings on plants other than the literal model, by plant
-    implementations: Mapping[str, Sequence[Tracking]]
+    implementations: tuple[Implementation, ...]  # readings on plants other than the literal model
     static_runs: tuple[StaticRun, ...] = ()  # Eq. 6 on plants without a rate, by their g.
 
     def find(self, label: str, reading: str, sine: Sine | None = None) -> Tracking:
@@ -278,9 +278,7 @@ def sweep_rows(results: PaperResults) -> pd.DataFrame:
 def implementation_rows(results: PaperResults) -> pd.DataFrame:
     """Return the errors on plants other than the literal model; the case names the plant."""
     return _table(
-        _tracked(plant, run, _spread(run))
-        for plant, runs in results.implementations.items()
-        for run in runs
+        _tracked(each.plant, each.run, _spread(each.run)) for each in results.implementations
     )
 
 

@@ -173,20 +173,18 @@ While all plays slide, y = A u - S δ2 u̇ - c: raising the rate of the command 
 
 def best_by_plant(results: PaperResults) -> dict[str, str]:
     """Return the realisable reading with the smallest RMS error on each plant."""
-    return {
-        plant: min(runs, key=lambda run: run.median_rms_error).reading.name
-        for plant, runs in results.implementations.items()
-    }
+    best: dict[str, Tracking] = {}
+    for each in results.implementations:
+        known = best.setdefault(each.plant, each.run)
+        if each.run.median_rms_error < known.median_rms_error:
+            best[each.plant] = each.run
+    return {plant: run.reading.name for plant, run in best.items()}
 
 
 def implementation(results: PaperResults) -> str:
     """Write the section on plants other than the literal model, and on what to use instead."""
     best = best_by_plant(results)
-    found = {
-        (plant, run.reading.name): run
-        for plant, runs in results.implementations.items()
-        for run in runs
-    }
+    found = {(each.plant, each.run.reading.name): each.run for each in results.implementations}
 
     def medians(plant: str, reading: Reading) -> str:
         run = found[plant, reading.name]
