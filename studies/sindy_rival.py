@@ -1,0 +1,220 @@
+"""A rival without refits: E-SINDy on plants of the second study, `python -m studies.sindy_rival`.
+
+What the base model leaves is put to a sparse regression (Fasel, Kutz, Brunton, Brunton, "Ensemble-SINDy",
+Proc. R. Soc. A 478, 2022; PySINDy, which `pip install 'rdpi-gym[sindy]'` brings). Its library is what
+each effect of the catalogue, at each of the starts that our own search refits it from, changes in the
+displacement, the nearest of them; the plays' weights are free beside it. Which columns stay is asked of
+resampled rows; how small a coefficient may be, of blocks of the records that are held out. So the rival has our physics and our data, and lacks
+what a search adds: forms, refits, splits. An interrupted run continues.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.effect_discovery.__main__ import part_of
+from benchmarks.effect_discovery.cases import Case
+from benchmarks.effect_discovery.foreign import FOREIGN, NUMBERS, make_cases, prepare
+from benchmarks.effect_discovery.report import judge
+from benchmarks.rows import ROWS_FILE
+from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.ranking import in_blocks
+from rdpi_gym.diagnosis.search.refitting import State
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import first_steps, kept_samples
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.store import Row, named_rows
+from rdpi_gym.virtual_lab.draws import MaskedError
+from studies.calibration import calibration_error
+from studies.runner import Files, Study, study_rows
+
+RESULTS = Path(__file__).parent / "results" / "sindy_rival"
+# Samples that enter the regression, resampled models, and the least coefficients that are tried, in
+# noise floors of what a column changes.
+_SAMPLES, _MODELS = 4000, 40
+_LEAST = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+_RIDGE = 1e-3  # of the rows
+# Share of the resampled models that a column has to be in.
+_INCLUDED = 0.5
+_ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
+
+
+def run_case(case: Case, code: str) -> Row:
+    """Ask E-SINDy what is missing on one plant, and return the row."""
+    row: Row = {
+        "key": case.key, "code": code, "study": case.study, "subject": list(case.subject),
+        "number": case.number, "seed": case.seed,
+    }  # fmt: skip
+    try:
+        prepared = prepare(case)
+    except (MaskedError, InputError) as error:
+        return row | {"status": "masked", "error": str(error)}
+    row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
+    began = time.process_time()
+    try:
+        search = ModelSearch(prepared.dataset, CATALOGUE, 1, case.seed, None, None)
+        chances, sizes = included(search, search.base(None), case.number)
+    except InputError as error:
+        return row | {"status": "failed", "error": str(error)}
+    names = sorted(chances, key=lambda name: (-chances[name], -sizes[name]))
+    ranking = [{"effect": name, "confidence": chances[name]} for name in names]
+    return row | {
+        "status": "done", "seconds": time.process_time() - began, "ranking": ranking,
+        "steps": ranking[: sum(chances[name] >= _INCLUDED for name in names)],
+        # a regression has neither a verdict nor a sentence about what is left
+        "validation_um": prepared.truth["noise_um"], "verdict": "unexplained",
+        "true_left": {"clean_um": 0.0, "by_input_um": 0.0},
+    }  # fmt: skip
+
+
+def included(
+    search: ModelSearch, base: State, seed: int
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return by effect the share of resampled regressions that have it, and its size there (µm rms)."""
+    scale, variant = search.setting.scale, base.fit.variant
+    library = [(name, effect) for name in CATALOGUE for effect in _places(name, scale)]
+    blocks = search.setting if search.dataset.holds_out_quarters else in_blocks(search.setting)
+    fitted, asked = (_rows(variant, library, part) for part in (blocks.train, blocks.validation))
+    size = np.sqrt(np.mean(fitted[0] ** 2, axis=0))
+    likeness = np.abs(fitted[1] @ fitted[0]) / np.maximum(size, 1e-3 * search.noise_um)
+    names = np.array([name for name, _ in library])
+    # the place of each effect that is most like what is left
+    nearest = [
+        max(np.flatnonzero(names == name), key=lambda k: float(likeness[k])) for name in CATALOGUE
+    ]
+    moving = [k for k in nearest if size[k] > 1e-3 * search.noise_um]
+    x, held = (part[0][:, moving] / size[moving] for part in (fitted, asked))
+    best: tuple[float, Array] = (float(np.mean(asked[1] ** 2)), np.zeros((1, x.shape[1])))
+    for least in _LEAST:
+        models = _ensemble(x, fitted[1], least * search.noise_um, seed)
+        left = float(np.mean((asked[1] - held @ np.median(models, axis=0)) ** 2))
+        if left < best[0]:
+            best = (left, models)
+    inside = dict(zip(names[moving].tolist(), best[1].T, strict=True))
+    still = np.zeros(1)
+    chances = {name: float(np.mean(inside.get(name, still) != 0.0)) for name in CATALOGUE}
+    sizes = {name: float(abs(np.median(inside.get(name, still)))) for name in CATALOGUE}
+    return chances, sizes
+
+
+def _ensemble(x: Array, y: Array, least: float, seed: int) -> Array:
+    """Return the coefficients of regressions on resampled rows, ``[models, columns]``."""
+    from pysindy import STLSQ, EnsembleOptimizer
+
+    np.random.seed(seed)  # noqa: NPY002  PySINDy draws from it
+    sparse = STLSQ(threshold=least, alpha=_RIDGE * len(x))
+    ensemble = EnsembleOptimizer(sparse, bagging=True, n_models=_MODELS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where no column is left
+        ensemble.fit(x, y[:, None])
+    return np.array([np.ravel(model) for model in ensemble.coef_list])
+
+
+def _places(name: str, scale: DataScale) -> tuple[Effect, ...]:
+    kind = CATALOGUE[name]
+    return (*kind.starts(scale), *kind.traces(scale))
+
+
+def _rows(
+    variant: Variant[Any], library: Sequence[tuple[str, Effect]], records: Sequence[Record]
+) -> tuple[Array, Array]:
+    """Return what each effect changes in the displacement and what is left of it, beside the weights."""
+    begun = first_steps(records, variant.hysteresis, variant.effects, 0, samples=_SAMPLES)
+    columns = []
+    for record, kept in zip(records, kept_samples(records, _SAMPLES), strict=True):
+        without, own = simulate_effects([variant], record), []
+        for _, alike in groupby((effect for _, effect in library), type):
+            lanes = [
+                Variant(variant.hysteresis, in_chain_order([*variant.effects, effect]))
+                for effect in alike
+            ]
+            own.append(simulate_effects(lanes, record) - without)
+        found = np.hstack(own)[kept]
+        columns.append(found - found.mean(axis=0))
+    basis, _ = np.linalg.qr(np.concatenate(begun.columns))
+    rows, left = np.concatenate(columns), np.concatenate(begun.left_um)
+    return rows - basis @ (basis.T @ rows), left - basis @ (basis.T @ left)
+
+
+def _study(asked: Namespace) -> Files:
+    try:
+        import pysindy as _  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "PySINDy is not installed; install it with: pip install 'rdpi-gym[sindy]'"
+        ) from None
+    cases = part_of(make_cases(list(NUMBERS), None, asked.seed), asked.part)
+    rows = study_rows(cases, run_case, asked, _ROOMS, [Path(__file__)])
+    keys = {row["key"] for row in rows if row["status"] == "done"}
+    ours = [r for k, r in named_rows(asked.ours / ROWS_FILE).rows.items() if k in keys]
+    by_name = {"E-SINDy": rows, "this laboratory": ours}
+    return {"sindy_rival.md": report(by_name, asked.part, asked.seed)}
+
+
+def report(by_name: Mapping[str, Sequence[Row]], part: str, seed: int) -> str:
+    """Return the table as Markdown."""
+    said = []
+    for name, rows in by_name.items():
+        done = [row for row in rows if row["status"] == "done"]
+        frame = pd.DataFrame([judge(row) for row in done])
+        single, double = (frame[frame["study"] == study] for study in ("single", "double"))
+        none = frame[frame["study"] == "none"]
+        there = [
+            {h["effect"] for h in r["truth"]["hidden"]} | set(r["truth"]["excused"]) for r in done
+        ]
+        steps = [
+            (step["confidence"], step["effect"] in names)
+            for row, names in zip(done, there, strict=True)
+            for step in row["steps"]
+        ]
+        chances, true = (np.array(column, dtype=np.float64) for column in zip(*steps, strict=True))
+        said.append(
+            {
+                "": name, "plants": len(frame),
+                "single: first right": _of(single["first_exact"] | single["first_by_class"]),
+                "double: both named": _of(double["found_exact"] | double["found_by_class"]),
+                "nothing hidden: nothing named": _of(none["additions"] == 0),
+                "something falsely added": _of(frame["additions"] > 0),
+                "calibration error of its confidence (%)": round(100 * calibration_error(chances, true), 1),
+                "s a plant": round(float(frame["seconds"].median()), 1),
+            }
+        )  # fmt: skip
+    return (
+        f"# A rival: E-SINDy on the same plants\n\n{frame_table(pd.DataFrame(said))}\n\n"
+        "Confidence: of E-SINDy the share of resampled models that have an effect, of the laboratory "
+        "the share of splits in which it wins. The laboratory's probabilities are made of more than "
+        "that: `python -m studies.calibration`.\n\n"
+        f"Made by `python -m studies.sindy_rival --part {part} --seed {seed}`.\n"
+    )
+
+
+def _of(right: pd.Series[bool]) -> str:
+    return f"{int(right.sum())} of {len(right)}"
+
+
+def _more(options: Options) -> None:
+    options.add_argument("--part", default="1/8", help="part of the second study's cases")
+    meaning = "rows of the search, to compare"
+    options.add_argument("--ours", type=Path, default=FOREIGN.out, metavar="DIR", help=meaning)
+
+
+main = Study("sindy_rival", __doc__, _study, RESULTS, 2027, 2, more=_more)
+
+if __name__ == "__main__":
+    sys.exit(main())
