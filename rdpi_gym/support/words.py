@@ -59,9 +59,9 @@ def pm(value: float, error: float) -> str:
     return f"{digits(value)} ± {digits(error, 1)}" if math.isfinite(error) else "unknown"
 
 
-def guess(name: str, known: Iterable[str]) -> str:
+def guess(name: object, known: Iterable[str]) -> str:
     """Ask whether a known name was meant, where one is close; else nothing."""
-    close = get_close_matches(name, list(known), 1)
+    close = get_close_matches(str(name), list(known), 1)
     return f"did you mean {close[0]!r}?" if close else ""
 
 

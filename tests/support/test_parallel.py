@@ -81,6 +81,7 @@ def test_a_sweep_may_be_left_early_without_a_word(leave, tmp_path, recwarn):
 
 INTERRUPTED = """
 import os, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 from rdpi_gym.support.parallel import run_cases
 
 class Interrupting(list):
