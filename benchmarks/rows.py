@@ -7,15 +7,16 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeAlias, TypeVar
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row, RowStore, check_row, named_rows
+
+if TYPE_CHECKING:  # workers of a submission find the user's folder before pandas is needed
+    import pandas as pd
 
 K = TypeVar("K", bound=Hashable)
 

@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 KINDS = {".py", ".pyi", ".typed", ".json", ".pt", ".npz", ".yml", ".html", ".css", ".js"}
+EXAMPLE = {"LICENSE", "dataset.toml", "identification.npz", "validation.npz"}
 # Templates of what an export writes; a Makefile has no suffix.
 TEMPLATES = {".c", ".h", ".md", ".txt", ""}
 
@@ -40,7 +41,9 @@ def test_a_wheel_holds_code_beliefs_policies_and_the_page_within_limits(wheel):
     assert {name.split("/")[0] for name in names} == {"rdpi_gym", "baselines", "benchmarks"}
     folder = "rdpi_gym/firmware/writing/templates/"
     templates = {name for name in names if name.startswith(folder)}
-    assert {Path(name).suffix for name in names if name not in templates} == KINDS
+    example = {name for name in names if name.startswith("rdpi_gym/measurement/examples/picma/")}
+    assert {Path(name).name for name in example} == EXAMPLE
+    assert {Path(name).suffix for name in names if name not in templates | example} == KINDS
     assert {Path(name).suffix for name in templates} == TEMPLATES
     assert {n.split("/")[0] for n in names if n.endswith(".pt")} == {"baselines"}
     taken = {
