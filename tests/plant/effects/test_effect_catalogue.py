@@ -144,13 +144,13 @@ def test_a_form_is_found_by_its_name_and_an_unknown_one_refused(own_file):
 
 
 def test_an_installed_effect_is_found_by_its_entry_point(own_file, monkeypatch):
-    target = own_file()
+    target = own_file(OWN.replace('"lever_ratio"', '"lever_share"'))
     load_effect(target)  # puts the folder on the path, as an installed package is
     found = installed(monkeypatch, EntryPoint("lever", target, "rdpi_gym.effects"))
-    assert found["lever_ratio"]().values == {"share": 0.01}
-    assert set(found) == set(CATALOGUE) | {"lever_ratio"}
+    assert found["lever_share"]().values == {"share": 0.01}
+    assert set(found) == set(CATALOGUE) | {"lever_share"}
     names = list(found)
-    assert names.index("creep") < names.index("lever_ratio") < names.index("resonance")
+    assert names.index("creep") < names.index("lever_share") < names.index("resonance")
 
 
 def test_a_broken_or_clashing_installed_effect_is_named(own_file, monkeypatch):
