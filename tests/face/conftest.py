@@ -51,7 +51,7 @@ def paper():
         judge(case.claim, [other for other in runs if other.reading == run.reading], run)
         for case, run in zip(cases, runs, strict=True)
     )
-    return rg.PaperResults(0, 2, cases, verdicts, runs, runs, (), {}, (), {})
+    return rg.PaperResults(0, 2, cases, verdicts, runs, runs, (), {}, (), ())
 
 
 @pytest.fixture(scope="session")
