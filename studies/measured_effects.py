@@ -17,7 +17,7 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.measurement import DATA_HINT, Dataset, Record, example_folder, load, measured_data
+from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
 from rdpi_gym.support.markdown import frame_table
 from studies.runner import Files, Study
 
@@ -129,7 +129,7 @@ def _mirror(folder: Path) -> dict[str, Dataset]:
 def _study(chosen: Namespace) -> Files:
     tables, texts = [], ["# The laboratory on measured records", __doc__.split("\n\n")[1].strip()]
     for name, read in (("picma", _picma), ("fsm", _mirror)):
-        folder = example_folder(name) if name == "picma" else measured_data(name)
+        folder = measured_data(name)
         if folder is None:
             print(f"{name} is left out: {DATA_HINT}")
             continue

@@ -53,13 +53,12 @@ def declared() -> tuple[dict[str, list[str]], list[Fault]]:
 
 
 def places(fault: Fault, root: Path) -> list[Path]:
-    """Files in which the text stands once: in the function of that name, else in any."""
+    """Files in which the text stands once, in the function of that name where one is stated."""
     held = [
         path for path in _sources(root) if path.read_text(encoding="utf-8").count(fault.old) > 0
     ]
     if fault.function is not None:
-        named = [path for path in held if _holds(path, fault)]
-        held = named or held
+        held = [path for path in held if _holds(path, fault)]
     return [path for path in held if path.read_text(encoding="utf-8").count(fault.old) == 1]
 
 
@@ -115,12 +114,12 @@ def files_of(rooms: list[str], near: Path, first: str, root: Path) -> list[str]:
     return sorted(own, key=lambda f: (f != first, -len(words & set(re.findall(r"[a-z]+", f))), f))
 
 
-def finder(root: Path, files: list[str]) -> str:
-    """The first test that fails, and again alone, or NOTHING."""
+def finder(root: Path, clean: Path, files: list[str]) -> str:
+    """The first test that fails, again alone, and not in a clean copy; or NOTHING."""
     passed_over: list[str] = []
     try:
         while found := failures(root, files, "-x", *passed_over, may_be_none=True):
-            if failures(root, found):
+            if failures(root, found) and not failures(clean, found):
                 return found[0]
             passed_over += ["--deselect", found[0]]
     except subprocess.TimeoutExpired:
@@ -171,11 +170,13 @@ def main() -> int:
             copied(copy, source=whole)
             near = plant(fault, copy).relative_to(copy)
             first = before.get(fault.key, "").partition("::")[0]
-            by = finder(copy, files_of(rooms[fault.group], near, first, copy)[: arguments.near])
+            by = finder(
+                copy, whole, files_of(rooms[fault.group], near, first, copy)[: arguments.near]
+            )
             if by == NOTHING and arguments.whole:
                 others = {path.name for path in (copy / "tests").iterdir() if path.is_dir()}
                 rest = sorted(others - {*rooms[fault.group]})
-                by = finder(copy, files_of(rest, near, first, copy))
+                by = finder(copy, whole, files_of(rest, near, first, copy))
             found[fault.key] = by
             if arguments.table:
                 write_table(arguments.table, found)

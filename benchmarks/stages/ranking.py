@@ -268,7 +268,7 @@ class TaskScores:
 
     @property
     def seen(self) -> str:
-        """How many plants, and from which seed."""
+        """Number of plants, and their seed."""
         return f"{self.plants} plants a task, {self.draws}, task suite {SUITE_VERSION}."
 
     def write(self, folder: Path) -> Path:

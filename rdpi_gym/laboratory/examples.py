@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.measurement import example_folder, measured_data
+from rdpi_gym.measurement import measured_data
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,4 @@ def examples() -> list[Example]:
 
 def folder_of(example: Example) -> Path | None:
     """Return the folder of measured records; None where they are not here."""
-    if example.key == "picma":
-        return example_folder(example.folder)
     return measured_data(example.folder) if example.folder else None

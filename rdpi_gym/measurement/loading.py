@@ -340,13 +340,13 @@ def measured_data(name: str) -> Path | None:
     Parameters
     ----------
     name
-        ``fsm`` or ``friction_damper``, or another folder that was put beside them.
+        ``picma``, which ships; ``fsm``, ``friction_damper`` or another folder put beside them.
 
     Returns
     -------
     Path or None
-        The folder of that name below the one that the environment variable ``RDPI_DATA`` names;
-        None where it is absent (say `DATA_HINT`).
+        The folder of that name in the package, else below the one that the environment variable
+        ``RDPI_DATA`` names; None where it is absent (say `DATA_HINT`).
 
     Examples
     --------
@@ -354,5 +354,5 @@ def measured_data(name: str) -> Path | None:
     True
     """
     data = os.environ.get("RDPI_DATA")
-    folder = Path(data) / name if data else None
-    return folder if folder is not None and folder.is_dir() else None
+    folders = [_EXAMPLES / name, *([Path(data) / name] if data else [])]
+    return next((folder for folder in folders if folder.is_dir()), None)

@@ -80,7 +80,7 @@ def test_a_load_that_moves_the_mode_to_350_hz_is_survived(learned):
 
 
 def test_the_mode_is_identified_from_the_triangle_s_corners(learned):
-    """Of lag and mode (1 + τ s)(1 + 2 ζ s / ω0 + s² / ω0²), two samples ahead of their delay."""
+    """Parameters of lag and mode (1 + τ s)(1 + 2 ζ s / ω0 + s² / ω0²), two samples ahead of their delay."""
     _, theta = learned
     for lane, f0_hz in enumerate((700.0, 350.0)):
         omega = 2.0 * np.pi * f0_hz * TS

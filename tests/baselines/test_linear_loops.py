@@ -177,7 +177,7 @@ def bandwidth_hz(controller):
     ],
 )  # fmt: skip
 def test_damped_feedback_alone_reaches_beyond_the_mode(name, settings):
-    """Of the loop that runs, on the stage of arXiv 2412.18374: a mode at 739 Hz."""
+    """Bandwidth of the loop that runs, on the stage of arXiv 2412.18374: a mode at 739 Hz."""
     banded = P10.with_hysteresis(P10.hysteresis.band_limited(800.0))
     ringing = replace(banded, effects=STAGE.effects[:1])
     controller = made(name, ringing, settings)

@@ -34,7 +34,7 @@ ROW = np.array([0.5, -1.5, 2.0, 1.0])
 
 
 def ran(make, x):
-    """What a runtime makes of an input of four numbers a lane."""
+    """Output of a runtime at an input of four numbers a lane."""
     graph = Graph()
     model = graph.model({"y": make(graph.input("x", 4))})
     (found,) = session(model.SerializeToString()).run(None, {"x": x})
