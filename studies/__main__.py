@@ -1,7 +1,7 @@
 """Studies of the project itself, by name.
 
     python -m studies                            # what there is
-    python -m studies vector_speed --rounds 3    # one of them; --help lists its options
+    python -m studies speed vector --rounds 3    # one of them; --help lists its options
 
 Whatever a study writes lies in `studies/results` by default, and takes the place of what is there.
 """

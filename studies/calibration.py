@@ -279,7 +279,7 @@ def picture(judged: Judged) -> bytes:
             )
         panels.append(Panel(marks, Axis("said (%)"), Axis("true (%)"), study))
     chart = side_by_side(panels, legend="below", shared="y")
-    return small_png(chart_png(chart, (4.6 * len(panels), 4.8)))
+    return chart_png(chart, (4.6 * len(panels), 4.8))
 
 
 def _more(options: Options) -> None:

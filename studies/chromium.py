@@ -186,16 +186,12 @@ class LabPage:
 
     def open(self, lab: LabProcess) -> None:
         """Go to the address of a laboratory, and wait until its page takes files."""
-        self.arrive(lab)
-        self.until("document.body.classList.contains('loaded')")
-
-    def arrive(self, lab: LabProcess) -> None:
-        """Go to the address of a laboratory, and wait until the page is there."""
         self.tab.goto(lab.address, wait_until="commit")
         self.tab.get_by_test_id("bring").wait_for(state="attached")
+        self.until("document.body.classList.contains('loaded')")
 
-    def until(self, told: str, look_ms: int = _LOOK_MS) -> float:
-        """Wait until an expression is true, and return for how long (s).
+    def until(self, told: str, look_ms: int = _LOOK_MS) -> None:
+        """Wait until an expression is true.
 
         The page's policy forbids the browser's own way to wait.
         """
@@ -204,32 +200,29 @@ class LabPage:
             if time.monotonic() > began + _PATIENCE_S:
                 raise InputError(f"the page waited too long for {told}")
             self.tab.wait_for_timeout(look_ms)
-        return time.monotonic() - began
 
-    def until_steps(self, count: int) -> float:
-        """Wait until the staircase has that many steps, and return for how long (s)."""
-        return self.until(
-            f"document.querySelectorAll('#staircase .step:not(.later)').length === {count}"
-        )
+    def until_steps(self, count: int) -> None:
+        """Wait until the staircase has that many steps."""
+        self.until(f"document.querySelectorAll('#staircase .step:not(.later)').length === {count}")
 
-    def until_state(self, of_state: str) -> float:
+    def until_state(self, of_state: str) -> None:
         """Wait until something is true of the state ``s`` that the server tells."""
-        return self.until(
+        self.until(
             f"fetch('/api/state', {{headers: {{Authorization: {_BEARER}}}}}).then(r => r.json())"
             f".then(s => Boolean({of_state}))",
             _ASK_MS,
         )
 
-    def until_tried(self) -> float:
-        """Wait until every candidate of the present step was tried, and return for how long (s)."""
-        return self.until_state(
+    def until_tried(self) -> None:
+        """Wait until every candidate of the present step was tried."""
+        self.until_state(
             "s.ranking && s.ranking.step === s.current && s.ranking.cards.length > 0 && "
             "s.ranking.cards.every(c => ['tried', 'failed', 'final'].includes(c.state))"
         )
 
-    def until_ranked(self) -> float:
-        """Wait until the ranking of the present step has ended, and return for how long (s)."""
-        return self.until_state(
+    def until_ranked(self) -> None:
+        """Wait until the ranking of the present step has ended."""
+        self.until_state(
             "s.ranking && s.ranking.step === s.current && s.ranking.status === 'done' && !s.job"
         )
 

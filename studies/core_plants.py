@@ -2,7 +2,7 @@
 
 The PICMA stack by every kind whose loops turn its way, each beside a creep and a lag of the sensor;
 the friction damper by every kind whose loops turn clockwise; LuGre's friction with the numbers of the
-paper. Their parameters ship as plants; the records, which `RDPI_DATA` names, do not.
+paper. Their parameters ship as plants; so do the stack's records, while `RDPI_DATA` names the damper's.
 """
 
 from __future__ import annotations

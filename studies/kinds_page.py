@@ -118,8 +118,8 @@ def _plants() -> str:
         + table(["plant", "core and effects", "commands", "held out"], rows)
         + "\n\n"
         + "\n".join(f"- `{name}`: {source}." for name, source in sources.items())
-        + "\n\nOf the records only the stack's ship. `python -m studies.core_plants` makes the files again from "
-        "records in `$RDPI_DATA`.\n"
+        + "\n\nThe stack's records ship, the damper's do not: `python -m studies.core_plants` makes the files again, "
+        "the damper's from records in `$RDPI_DATA`.\n"
     )
 
 
@@ -147,7 +147,7 @@ def _picture() -> bytes:
                 column + 1,
             )
         )  # fmt: skip
-    return small_png(chart_png(Chart(panels), (9.0, 2.8 * panels[-1].row), 110))
+    return chart_png(Chart(panels), (9.0, 2.8 * panels[-1].row), 110)
 
 
 main = Study("kinds_page", __doc__, _files, OUT)

@@ -319,11 +319,10 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     from baselines.learned.native_learner import NativeLearner
     from baselines.learned.native_ppo import NativePPO
     from baselines.learned.options import Run
-    from baselines.learned.options import TrainingOptions as Training
     from baselines.learned.stable_baselines import StableBaselinesLearner
 
     kind: Any = PPO if algorithm == "ppo" else NativePPO
-    opened = Run.open(Training(action="increment", threads=threads), algorithm, kind)
+    opened = Run.open(TrainingOptions(action="increment", threads=threads), algorithm, kind)
     settings, is_reference = opened.settings, algorithm == "ppo"
     learner: Any = StableBaselinesLearner(opened) if is_reference else NativeLearner(opened)
     samples = settings.lanes * settings.algorithm["n_steps"]
@@ -373,7 +372,7 @@ PARTS: Mapping[str, Part] = {
     "vector": Part(
         vector,
         f"{PIEZO} beside {YARDSTICK}, 4096 lanes",
-        lambda table: f"With the defaults {table['times_cartpole'].iloc[0]:.3g} times the steps of CartPole.",
+        lambda table: f"With the defaults one thread makes {table['times_cartpole'].iloc[0]:.3g} times the steps of CartPole.",
         "Ours, CartPole's vector environment and the bare kernel (`rdpi_block`, ten plays, one sample a "
         "call, one thread) in turn in one process, 0.25 s each; medians, in million steps per second of one lane, "
         "and medians of the rounds' ratios (`lowest` and `highest` are those to CartPole). "

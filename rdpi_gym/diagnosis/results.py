@@ -476,11 +476,11 @@ class SearchResult:
             whole |= {"base": whole.get("before"), "indistinguishable": whole.get("classes", [])}
         else:
             added = PLAIN.read(tuple[Candidate, ...], whole.get("steps", []), at(source, "steps"))
-        rounds = [
-            *PLAIN.read(_Rounds, [whole.get("candidates", [])], at(source, "candidates")),
-            *PLAIN.read(_Rounds, whole.get("rounds", []), at(source, "rounds")),
-        ]
+        first = PLAIN.read(
+            tuple[Candidate, ...], whole.get("candidates", []), at(source, "candidates")
+        )
+        rounds = PLAIN.read(_Rounds, whole.get("rounds", []), at(source, "rounds"))
         given = {"kind": kind, "steps": steps_of(added), "views": ()}
         return PLAIN.read_fields(
-            cls, whole, source, {**given, "rounds": tuple(rounds if rounds[0] else rounds[1:])}
+            cls, whole, source, {**given, "rounds": (first, *rounds) if first else rounds}
         )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from rdpi_gym.measurement import stated_quantities
-from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.plant import PLANTS, RDPI, PlantModel, find_plant, named_plant
 from rdpi_gym.plant.effects import CATALOGUE, Effect, description, load_effect
+from rdpi_gym.support.checks import unknown_name
 from rdpi_gym.support.files import write_atomic, write_json
 
 if TYPE_CHECKING:

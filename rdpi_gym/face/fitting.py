@@ -13,11 +13,10 @@ from rdpi_gym import identification, measurement
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.identification import cores, interval_95, kinds
-from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import Effect
-from rdpi_gym.support.checks import checked
+from rdpi_gym.support.checks import checked, unknown_name
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import joined, pm
 
@@ -107,8 +106,9 @@ class FitResult(DisplayMixin, identification.FitResult):
         """Return parameters, offsets and extrema with their standard errors and intervals."""
         import pandas as pd
 
+        intervals = self.intervals_95
         rows = [
-            (*_symbol(name), value, self.standard_errors[name], self.intervals_95[name])
+            (*_symbol(name), value, self.standard_errors[name], intervals[name])
             for name, value in self.parameters.items()
         ]
         further = (

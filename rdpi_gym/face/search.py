@@ -21,12 +21,11 @@ from rdpi_gym.face.data import Dataset, as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.face.experiment import PlannedExperiment, plan_experiment
 from rdpi_gym.face.options import CandidateOptions, SearchOptions
-from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
 from rdpi_gym.report.discovery_text import lines, staircase
-from rdpi_gym.support.checks import check_type, checked
+from rdpi_gym.support.checks import check_type, checked, unknown_name
 from rdpi_gym.support.documents import stored
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options

@@ -12,9 +12,8 @@ import numpy as np
 from rdpi_gym import virtual_lab
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import Dataset
-from rdpi_gym.measurement.options import unknown_name
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checks import checked
+from rdpi_gym.support.checks import checked, unknown_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.virtual_lab import HIDEABLE, Truth

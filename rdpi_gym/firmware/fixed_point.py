@@ -68,15 +68,14 @@ class FixedPoint:
     u = voltage_scale · code / 2^31. Every int32 is a valid input.
     """
 
-    displacement_scale_um: (
-        float  # twice the references' amplitude at least, and 1.5 times the reach
-    )
+    # twice the references' amplitude at least, and 1.5 times the reach
+    displacement_scale_um: float
     centre_um: float
     voltage_scale_V: float  # about 0 V: the farther end of the range is code ±(2^31 - 1)
-    low: int  # codes of the ends of the command range, of the command at the begin of an episode,
-    high: int
-    rest: int
-    reach: int  # and of the references' amplitude
+    low: int  # code of the lower end of the command range
+    high: int  # code of its upper end
+    rest: int  # code of the command at the begin of an episode
+    reach: int  # code of the references' amplitude
     tables: Sequence[Table]  # in the order of their structs
     memory: Sequence[Memory]
     functions: str  # static functions that `step` calls, callees first; they need <stdint.h> alone

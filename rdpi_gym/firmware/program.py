@@ -30,10 +30,9 @@ class Memory:
     """Numbers that the code keeps from sample to sample, as those of a table: a field of its struct of memory."""
 
     name: str  # an identifier of C, lower case
-    rest: NDArray[
-        Any
-    ]  # where an episode begins whose first reference is 0 µm; NaN where the first sample sets it
-    by_reference: Array  # what each µm (code) of the first reference adds to it; zero for a plant
+    # where an episode begins whose first reference is 0 µm; NaN where the first sample sets it
+    rest: NDArray[Any]
+    by_reference: Array  # added to it by each µm (code) of the first reference; zero for a plant
     type: str = "rdpi_real"
 
 
@@ -62,9 +61,8 @@ class Program:
     memory: Sequence[Memory]
     functions: str  # static functions that `step` calls, callees first
     step: str
-    mathematics: frozenset[
-        str
-    ]  # functions of <math.h> that are called, by the name of their macro ("EXP")
+    # functions of <math.h> that are called, by the name of their macro ("EXP")
+    mathematics: frozenset[str]
     # the same in Python, from rest: commands (V) of references and measurements (µm), or displacements
     # (µm) of commands, float64[T, B]
     twin: Callable[..., Array]

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import (
     NO_FIT,
-    Free,
     JointFit,
     first_steps,
     fit_joint,
     kept_samples,
+    shape_numbers,
 )
 from rdpi_gym.identification.least_squares import signed_least_squares
 from rdpi_gym.identification.plausibility import check_motion
@@ -283,9 +283,7 @@ class _Problem:
         from scipy.optimize import least_squares
 
         variant = Variant(start, ())
-        numbers = [
-            Free(None, p, max(map(abs, p.typical))) for p in type(start).shape if not p.fixed
-        ]
+        numbers = shape_numbers(start)
         if not numbers:
             return self.projected(start)
         low, high = np.array([[n.low for n in numbers], [n.high for n in numbers]])

@@ -130,14 +130,19 @@ class JointFit:
     train_rmse_um: float  # Over the counted samples of the records, offsets free (µm)
     # Names of effects' parameters that ended at a physical bound, as ``effect.parameter``
     at_bound: tuple[str, ...]
-    # Of the effects' parameters, by the same names, for white residuals; None where the data do
+    # Standard errors of the effects' parameters, by the same names, for white residuals; None where the data do
     # not fix a parameter
     standard_errors: Mapping[str, float | None]
     passes: int  # Runs over the records
     converged: bool  # Whether the search ended by itself
-    smoothness: float = 0.0  # That was asked of the weights
+    smoothness: float = 0.0  # Smoothness asked of the weights
     # Standard errors of the numbers of the core's shape, by name, as those of effects
     shape_errors: Mapping[str, float | None] = field(default_factory=dict)
+
+
+def shape_numbers(core: Core) -> list[Free]:
+    """Return the numbers of a core's shape that are not fixed."""
+    return [Free(None, p, max(map(abs, p.typical))) for p in core.shape if not p.fixed]
 
 
 def free_numbers(
@@ -153,7 +158,7 @@ def free_numbers(
         )
         numbers = [Free(None, delta2, delta2_scale_s)]
     else:
-        numbers = [Free(None, p, max(map(abs, p.typical))) for p in core.shape if not p.fixed]
+        numbers = shape_numbers(core)
     numbers += [
         Free(i, p, _size(effect, p))
         for i, effect in enumerate(effects)
@@ -441,7 +446,7 @@ class FirstSteps:
     # Derivatives by the weights, by record, of a place near by
     columns: Sequence[Array]
     squares: Sequence[Array]
-    # What the model leaves of the displacement at the same samples (µm),
+    # Residual at the same samples (µm),
     # without offset
     left_um: Sequence[Array]
 

@@ -88,7 +88,7 @@ def held_out_fit(fit: JointFit, held_out: Sequence[Record]) -> KindFit:
 class KindComparison:
     """Comparison of kinds by their held-out errors."""
 
-    chosen: KindFit  # Of the kinds that are no worse than the best, that of the fewest numbers
+    chosen: KindFit  # Kind of the fewest numbers among those no worse than the best
     # Names of the others that the records do not tell from the best, and of kinds that are one
     # model with the chosen one
     alike: tuple[str, ...]

@@ -21,7 +21,7 @@ class RecordResidual:
 
     record: Record
     simulated_um: Array  # Displacement of the model (µm), its own offset included, ``(T,)``
-    offset_um: float  # What was added to it (µm): the mean difference over the samples that count
+    offset_um: float  # Offset added to it (µm): the mean difference over the samples that count
     error_um: Array  # measured - simulated - offset (µm) at every sample, ``(T,)``
     rmse_um: float  # Its root mean square (µm) over the samples that count
 

@@ -63,9 +63,9 @@ def _positive_pairs(centred: Array, lags: int) -> tuple[float, bool]:
 class Uncertainty:
     """Standard errors, infinite where the data say nothing."""
 
-    theta: Array  # float64[2 + R]: Of δ1 (V), δ2 (s) and each record's memory extremum (V)
-    weights: Array  # float64[n + 1]: Of a_0 ... a_n (µm/V).
-    offsets: Array  # float64[R]: Of each record's offset (µm)
+    theta: Array  # float64[2 + R]: of δ1 (V), δ2 (s) and each record's memory extremum (V)
+    weights: Array  # float64[n + 1]: of a_0 ... a_n (µm/V).
+    offsets: Array  # float64[R]: of each record's offset (µm)
 
 
 def standard_errors(

@@ -47,7 +47,7 @@ class Course:
 
     reference_um: Array  # (K,)
     ts_s: float
-    first: int  # sample that counts
+    first: int  # first sample that counts
     said: Mapping[str, Any]  # the request, with defaults filled in
 
 

@@ -317,9 +317,8 @@ _KNOWN = {role: frozenset(words.split()) for role, words in _WORDS.items()}
 class Column:
     """One column of a file, or one variable."""
 
-    source: (
-        str | int
-    )  # in settings: its name, or its position where the name is none or there twice
+    # in settings: its name, or its position where the name is none or there twice
+    source: str | int
     name: str
 
 

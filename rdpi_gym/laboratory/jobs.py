@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 from contextlib import suppress
 from dataclasses import replace
@@ -14,7 +12,7 @@ import numpy as np
 from rdpi_gym import face
 from rdpi_gym.laboratory import compensator_comparison, views
 from rdpi_gym.laboratory.downloads import experiment_shown
-from rdpi_gym.laboratory.work import Tell, end_with_parent, serve
+from rdpi_gym.laboratory.work import Tell
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.base import in_chain_order
@@ -158,16 +156,3 @@ def warm_helpers(count: int) -> threading.Thread:
 
 def _warm(_: int) -> None:
     warm_up()
-
-
-def main(helpers: int | None) -> None:
-    """Do tasks from standard input until there are no more; helpers None: without warming up."""
-    end_with_parent()
-    # what a library prints is no message
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    if helpers is not None:
-        warm_up()
-        if helpers > 1:
-            warm_helpers(helpers)
-    serve(sys.stdin.buffer, answers)

@@ -91,8 +91,8 @@ class Step:
 
     id: str  # ``s1``, ``s2``, ...
     parent: str | None  # the step that it was made from; None: from the data alone
-    label: str  # what was done, for a person; `made` for a program:
-    # kind ``fit``, ``candidate`` (with ``effect`` and ``form``), ``added`` and ``removal`` (``effect``),
+    label: str  # what was done, for a person
+    # the same for a program: kind ``fit``, ``candidate`` (with ``effect`` and ``form``), ``added`` and ``removal`` (``effect``),
     # ``refit`` (``held``), ``set`` (``effect``, ``parameter``, ``value``), ``settled``
     made: Mapping[str, Any]
     plant: PlantModel

@@ -28,7 +28,7 @@ Task = Callable[..., Any]
 _PROGRAM = """\
 import json, sys
 sys.path[:], helpers = json.loads(sys.argv[1])
-from rdpi_gym.laboratory.jobs import main
+from rdpi_gym.laboratory.worker import main
 main(helpers)
 """
 _WAIT_S = 0.3  # until a process that was asked to end is killed

@@ -37,7 +37,7 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 class Variables:
     """Variables read from a file."""
 
-    # Of all variables of the file, or of all fields of the struct that holds them
+    # Names of all variables of the file, or of all fields of the struct that holds them
     names: Sequence[str]
     # Those that were asked for and are there; None: it holds no real numbers
     values: Mapping[str, NDArray[Any] | None]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import get_type_hints
 
 from rdpi_gym.measurement.units import measured_by, plain_unit, ratio
-from rdpi_gym.support.checks import check_type
+from rdpi_gym.support.checks import check_type, unknown_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
-from rdpi_gym.support.words import guess, quoted, short, some
+from rdpi_gym.support.words import quoted, short
 
 COLUMNS = ("t", "u", "y", "reference", "temperature", "period")
 """Names of the columns: t (s), u (V), y (µm), reference (µm), temperature (°C), period (index)."""
@@ -32,14 +32,6 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 OTHER = "other:"
 """Begins the name of a column that is none of these: a further input, after it its own name."""
 _ANY_QUANTITY = ("u", "y", "reference")
-
-
-def unknown_name(where: str, name: str, known: Iterable[str]) -> InputError:
-    """Build the error for a name that is not among those known, with the close match."""
-    names = list(known)
-    meant = guess(name, names)
-    hint = f" ({meant})" if meant else ""
-    return InputError(f"{where}: {quoted(name)} is unknown{hint}; known are {some(names, 24)}")
 
 
 def unit_factor(column: str, unit: str, where: str, shown: str = "") -> float:
@@ -85,7 +77,6 @@ def check_columns(columns: Mapping[str, str | int], where: str) -> None:
             raise unknown_name(where, name, COLUMNS)
         if source == "" and name not in ("u", "y"):
             continue
-        # TOML brings any type here, whatever the annotation promises
         is_position = type(source) is int and 0 <= source <= _LAST_POSITION
         if not is_position and not (isinstance(source, str) and source):
             raise InputError(

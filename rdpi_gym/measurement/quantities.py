@@ -9,10 +9,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from string import Formatter
-from typing import Any
+from typing import Any, Self
 
 from rdpi_gym.measurement.units import measured_by, ratio, shown_unit
-from rdpi_gym.support.documents import PLAIN, Document
+from rdpi_gym.support.documents import PLAIN, Document, at
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import digits, quoted
 
@@ -70,6 +70,12 @@ class Quantities(Document):
 
     input: Quantity = STANDARD["input"]
     output: Quantity = STANDARD["output"]
+
+    @classmethod
+    def from_dict(cls, document: Any, source: str = "document") -> Self:
+        """Build from the object of :meth:`to_dict`, which has both."""
+        whole = PLAIN.read(Mapping[str, Any], document, source)
+        return cls(*(PLAIN.read(Quantity, whole.get(side), at(source, side)) for side in SIDES))
 
     @property
     def are_standard(self) -> bool:

@@ -106,7 +106,7 @@ class Grid:
     columns: Mapping[str, Array]  # The other columns, each (M,)
     # (M,) bool; False where a sample was lost, or more of them: its values are only interpolated
     measured: BoolArray
-    remarks: tuple[str, ...]  # What was done
+    remarks: tuple[str, ...]  # Changes, one sentence each
     jitter_s: float = 0.0  # As of the record
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from rdpi_gym.measurement.options import check_columns, check_skip, check_units, unknown_name
+from rdpi_gym.measurement.options import check_columns, check_skip, check_units
 from rdpi_gym.measurement.quantities import SIDES
 from rdpi_gym.measurement.record import Role
 from rdpi_gym.measurement.text import read_lines
+from rdpi_gym.support.checks import unknown_name
 from rdpi_gym.support.documents import Documents, at, stored
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.words import quoted
@@ -25,21 +27,35 @@ _LONGEST = 30  # characters of a name or a unit
 
 
 class _Toml(Documents):
-    """Reader that refuses unknown keys, and takes text on one line without control characters."""
+    """Reader that refuses unknown keys; the bounds of numbers are those of their fields."""
 
     strict = True
 
     def read_value(self, kind: type, document: Any, source: str) -> Any:
-        value = super().read_value(kind, document, source)
-        if not isinstance(value, str):
-            return value
-        text = value.translate(_BLANKS)
-        if printable(text) != text:
-            raise InputError(f"{source} is {quoted(value)}; give text without control characters")
-        return text
+        if kind is float and document in (-math.inf, math.inf):  # an open stretch
+            return document
+        return super().read_value(kind, document, source)
 
 
 _TOML = _Toml()
+
+
+class Line(str):
+    """Text on one line, without control characters."""
+
+    __slots__ = ()
+
+    @classmethod
+    def from_dict(cls, document: Any, source: str) -> Line:
+        """Read a text; tabs and ends of lines become blanks."""
+        value = _TOML.read(str, document, source)
+        text = value.translate(_BLANKS)
+        if printable(text) != text:
+            raise InputError(f"{source} is {quoted(value)}; give text without control characters")
+        return cls(text)
+
+
+_NO_TEXT = Line()
 
 
 @dataclass(frozen=True)
@@ -54,16 +70,16 @@ class RecordSettings:
     mask_s: tuple[tuple[float, float], ...] = ()
     # Sampling time (s) where its file has no time column, or times that are rounded
     ts_s: float | None = None
-    note: str = ""  # What the experimenter wrote about it
+    note: Line = _NO_TEXT  # the experimenter's
     # Of its file, where they differ from those of the folder
     columns: Mapping[str, str | int] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, Line] = field(default_factory=dict)
     # Between the values of its file; by default it is found
     separator: Literal["", "comma", "semicolon", "tab", "blanks"] = ""
 
     def __post_init__(self) -> None:
         check_skip(self.skip_s, "skip_s")
-        if self.ts_s is not None and not self.ts_s > 0.0:
+        if self.ts_s is not None and not 0.0 < self.ts_s < math.inf:
             raise InputError(f"ts_s is {self.ts_s:g}; give seconds above 0, as in ts_s = 5e-3")
         for start, end in self.mask_s:
             if not start < end:
@@ -79,17 +95,17 @@ class RecordSettings:
 class Settings:
     """Settings of a folder in ``dataset.toml``."""
 
-    title: str = ""  # What the data set is
+    title: Line = _NO_TEXT  # of the data set
     # Seconds at the start of each record that are simulated and left out of the error
     skip_s: float = 0.0
     # As `DataOptions` has them
     columns: Mapping[str, str | int] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, Line] = field(default_factory=dict)
     # Names of the columns that are inputs, where a file has several: a list among the columns
     inputs: tuple[str, ...] = field(default=(), metadata=stored(omitted=True))
     # Name, symbol and unit of ``input`` and ``output``, as far as they are said
-    quantities: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    # What it says about single records, by name
+    quantities: Mapping[str, Mapping[str, Line]] = field(default_factory=dict)
+    # Single records, by name
     records: Mapping[str, RecordSettings] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -97,7 +113,9 @@ class Settings:
         check_columns(self.columns, "columns")
         check_units(self.units, "units")
         _refuse_unknown("quantities", self.quantities, SIDES)
-        named = {s: {k: t.strip() for k, t in own.items()} for s, own in self.quantities.items()}
+        named = {
+            s: {k: Line(t.strip()) for k, t in own.items()} for s, own in self.quantities.items()
+        }
         object.__setattr__(self, "quantities", named)
         for side, texts in self.quantities.items():
             _refuse_unknown(f"quantities.{side}", texts, _QUANTITY_KEYS)

@@ -33,14 +33,14 @@ class Table:
 
     source: Path
     columns: Mapping[str, Array]  # Values by our name (`rdpi_gym.measurement.COLUMNS`), each (N,)
-    labels: Mapping[str, str]  # What the file calls each column, as an error line should say it
+    labels: Mapping[str, str]  # Names of the columns in the file, for error lines
     # (N,) line number of each row, counted from 1; None for a file without lines
     lines: NDArray[np.int64] | None = None
-    remarks: tuple[str, ...] = ()  # What a reader noticed, one sentence each
-    # What the header calls a column beside its unit, and that unit, where it carries one
+    remarks: tuple[str, ...] = ()  # Remarks of a reader, one sentence each
+    # Name of a column in the header beside its unit, and that unit, where it carries one
     names: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""  # Of the record, where it is not that of the file
+    name: str = ""  # Name of the record, where it is not that of the file
     settles: bool = False  # Whether the first of its periods is there for a model to settle in
 
     @property

@@ -82,7 +82,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 class Layout:
     """Separator, decimal mark and header of a text file."""
 
-    delimiter: str | None  # What stands between two values; None for blanks
+    delimiter: str | None  # Text between two values; None for blanks
     header: tuple[str, ...]  # Names of the columns, empty without a header
     header_line: int  # Line of the header, counted from 1
     width: int  # Values in the first line of values

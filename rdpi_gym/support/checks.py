@@ -9,13 +9,13 @@ import numbers
 import os
 import reprlib
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import quoted
+from rdpi_gym.support.words import guess, quoted, some
 
 _LONGEST = 60
 
@@ -57,6 +57,14 @@ def shape_of(value: Any) -> tuple[int, ...] | None:
     except ValueError:
         return None
     return shape
+
+
+def unknown_name(where: str, name: object, known: Iterable[str]) -> InputError:
+    """Return the error for a name that is not among those known, with the close match."""
+    names = list(known)
+    meant = guess(name, names)
+    hint = f" ({meant})" if meant else ""
+    return InputError(f"{where}: {quoted(name)} is unknown{hint}; known are {some(names, 24)}")
 
 
 def shown(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""Dataclasses as JSON documents and back, by their annotations: the one writer and the one reader.
+"""Dataclasses as JSON documents and back, by their annotations.
 
 A document names no class, no module and no function: what is built is decided by the annotations.
 """
@@ -16,9 +16,9 @@ from typing import Any, Literal, Self, TypeVar, Union, cast, get_args, get_origi
 
 import numpy as np
 
-from rdpi_gym.support.checks import described
+from rdpi_gym.support.checks import described, unknown_name
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.words import guess, quoted, some
+from rdpi_gym.support.words import quoted, some
 
 T = TypeVar("T")
 _LARGEST = 1e308  # a number of a document: neither infinite nor a whole one of 400 digits
@@ -33,7 +33,7 @@ class Stored:
     null: float | None = None
     # Whether the fields of its dataclass stand beside those of the one that has it
     inline: bool = False
-    omitted: bool = False  # Whether it is neither written nor read, and has its default
+    omitted: bool = False  # Whether it is neither written nor read: given, or its default
 
 
 def stored(key: str = "", **form: Any) -> Mapping[str, Stored]:
@@ -50,7 +50,7 @@ class Documents:
     """
 
     strict = False
-    """Whether keys that are unknown, and lists that are missing, are refused."""
+    """Whether keys that are unknown, and fields that are missing, are refused."""
     has_forms = True
     """Whether fields have the form that their metadata state."""
 
@@ -129,10 +129,7 @@ class Documents:
             keys = [form.key or name for name, _, form, _ in known if not form.omitted]
             for key in document:
                 if key not in keys:
-                    meant = f" ({hint})" if (hint := guess(key, keys)) else ""
-                    raise InputError(
-                        f"{source}: {quoted(key)} is unknown{meant}; known are {some(keys, 24)}"
-                    )
+                    raise unknown_name(source, key, keys)
         for name, hint, form, has_default in known:
             key = form.key or name
             if name in values or form.omitted:
@@ -153,13 +150,12 @@ class Documents:
 
     def _fields(self, kind: type) -> Sequence[tuple[str, Any, Stored, bool]]:
         """Name, annotation, form and whether there is a default, of each field."""
-        found = _fields_of(kind)
-        return found if self.has_forms else [(*each[:2], Stored(), each[3]) for each in found]
+        return _fields_of(kind, self.has_forms)
 
     def _read_missing(self, hint: Any, source: str) -> Any:
         if not self.strict and type(None) in get_args(hint):
             return None
-        if not self.strict and get_origin(hint) is tuple:
+        if not self.strict and get_origin(hint) is tuple and get_args(hint)[-1] is ...:
             return ()
         raise InputError(f"{source} is missing; expected {_expected(hint)}")
 
@@ -236,13 +232,13 @@ def at(source: str, step: str | int) -> str:
 
 
 @cache
-def _fields_of(kind: type) -> Sequence[tuple[str, Any, Stored, bool]]:
-    hints = get_type_hints(kind)
+def _fields_of(kind: type, has_forms: bool) -> Sequence[tuple[str, Any, Stored, bool]]:
+    hints, plain = get_type_hints(kind), Stored()
     return tuple(
         (
             f.name,
             hints[f.name],
-            f.metadata.get("stored", Stored()),
+            f.metadata.get("stored", plain) if has_forms else plain,
             f.default is not MISSING or f.default_factory is not MISSING,
         )
         for f in fields(cast(Any, kind))

@@ -27,8 +27,8 @@ class Option:
     """Form of one field of the options on the command line."""
 
     flag: str  # For example ``--sampling-time``
-    metavar: str | None = None  # What stands for the value in the help; by default the type's name
-    type: Any = str  # What the command line reads: ``str``, ``int``, ``float``, ``list[str]``
+    metavar: str | None = None  # Value in the help; by default the type's name
+    type: Any = str  # Type that the command line reads: ``str``, ``int``, ``float``, ``list[str]``
     # Turns what was read into the field's value; by default it is the value
     read: Callable[[Any], Any] | None = None
 

@@ -56,9 +56,8 @@ class World:
     nominal: PlantModel  # the plant with its effects
     # whether its rate is left as the paper writes it, in place of low-passed; beliefs and agents are the same
     literal: bool = False
-    base_hz: float = (
-        20.0  # lowest frequency (Hz) of its references; the highest is five times as high
-    )
+    # lowest frequency (Hz) of its references; the highest is five times as high
+    base_hz: float = 20.0
 
     @property
     def stage(self) -> Stage:

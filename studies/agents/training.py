@@ -37,7 +37,7 @@ class Agent:
 
 @dataclass(frozen=True)
 class Study:
-    """Options of the study; the comment under each says what it does."""
+    """Options of the study."""
 
     agents: tuple[Agent, ...] = (
         Agent("ppo", "correction"),
@@ -45,33 +45,26 @@ class Study:
         Agent("sac", "correction"),
         Agent("sac", "increment"),
     )
-    # Each is trained with every seed.
-    seeds: tuple[int, ...] = (
-        0,
-        1,
-        2,
-        3,
-        4,
-    )  # of weights, exploration, plants, references and noise of the trainings
-    timesteps: int | None = (
-        None  # steps of a training; None: `n_timesteps` of the algorithm's hyper-parameters
-    )
-    lanes: int | None = None  # plants side by side; None: `n_envs` of the hyper-parameters
-    every: int | None = None  # steps between evaluations and checkpoints; None: a twentieth of all
+    # weights, exploration, plants, references and noise of the trainings; each agent with every seed
+    seeds: tuple[int, ...] = tuple(range(5))
+    # steps of a training; None: `n_timesteps` of the algorithm's hyper-parameters
+    timesteps: int | None = None
+    # plants side by side; None: `n_envs` of the hyper-parameters
+    lanes: int | None = None
+    # steps between evaluations and checkpoints; None: a twentieth of all
+    every: int | None = None
+    # controllers beside the agents; without effects in the belief those left out are others' doubles
     rivals: tuple[str, ...] = tuple(
         name for name in CONTROLLERS if not (inverts_effects(name) or inverts_any_core(name))
     )
-    # What agents are compared with. Without effects in the belief those left out are others' doubles.
-    plants: int = 10  # held-out plants of a group, each drawn with a seed of its own
-    # of the benchmark's suite; sines of 25 to 100 Hz, the others about 20 Hz
+    # held-out plants of a group, each drawn with a seed of its own
+    plants: int = 10
+    # references of the benchmark's suite; sines of 25 to 100 Hz, the others about 20 Hz
     references: tuple[str, ...] = ("sine", "triangle", "multisine", "raster", "nested-loops")
-    domains: tuple[str, ...] = (
-        "bare",
-        "with effects",
-        "picma",
-        "picma at 1 Hz",
-    )  # of the gap, see `worlds.GAP`
-    resamples: int = 2000  # of the bootstrap
+    # domains of the gap, see `scores.GAP`
+    domains: tuple[str, ...] = ("bare", "with effects", "picma", "picma at 1 Hz")
+    # resamples of the bootstrap
+    resamples: int = 2000
     taught: tuple[tuple[str, int], ...] = (
         ("Stage", 28_800_000),
         ("Resonance", 28_800_000),

@@ -216,6 +216,7 @@ def test_results_are_saved_and_loaded_back(lagging, tmp_path):
         ("noise_floor", 10**400, "too large for a whole number"),
         ("base", None, "base is None; expected an object"),
         ("steps", [{"effect": 3}], r"steps\[0\].effect is 3; expected text"),
+        ("candidates", [1], r"candidates\[0\] is 1; expected an object"),
         ("rounds", [[1]], r"rounds\[0\]\[0\] is 1; expected an object"),
         ("indistinguishable", ["creep"], r"indistinguishable\[0\] is 'creep'; expected a list"),
         ("model", {}, "needs the keys hysteresis"),

@@ -100,6 +100,7 @@ def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
         ("inputs = ['u']", "'inputs' is unknown"),
         ("[unit]\ny = 'm'", "'unit' is unknown (did you mean 'units'?)"),
         ("[columns]\nv = 'u'", "columns: 'v' is unknown"),
+        ("[columns]\nu = ''", "columns: u = ''; give a header name or a position"),
         ("[columns]\nu = -1", "columns: u = -1; give a header name or a position"),
         ("[columns]\nu = true", "columns.u is True; expected text or a whole number"),
         ("[columns]\nu = 'a'\ny = 'a'", "columns: u and y both name column a"),
@@ -118,6 +119,7 @@ def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
         ("[records.one]\nskip_s = -1", "records.one: skip_s is -1.0; give seconds, 0 or above"),
         ("[records.one]\nskip_s = '1'", "records.one.skip_s is '1'; expected a number"),
         ("[records.one]\nts_s = 0", "records.one: ts_s is 0; give seconds above 0, as in"),
+        ("[records.one]\nts_s = inf", "records.one: ts_s is inf; give seconds above 0, as in"),
         ("[records.one]\nts_s = 'x'", "records.one.ts_s is 'x'; expected a number"),
         ("[records.one]\nnote = 1", "records.one.note is 1; expected text"),
         (
@@ -149,6 +151,22 @@ def test_a_mask_before_what_was_kept_is_no_mistake(folder, write) -> None:
 def test_what_it_says_wrongly(folder, write, refusal, text, message) -> None:
     line = refusal(write("dataset.toml", text).parent)
     assert (message if message.startswith("(") else f"dataset.toml: {message}") in line
+
+
+def test_a_stretch_may_be_open(folder, write) -> None:
+    write("dataset.toml", "[records.one]\nmask_s = [[0.69, inf]]\n")
+    one = load(folder).records[0]
+    assert (one.error_mask == (one.t_s < 0.69)).all()
+
+
+def test_a_header_name_is_taken_as_it_stands_and_a_note_on_one_line(folder, write) -> None:
+    write("tab.csv", "t,a\tb,y\n" + "".join(f"{0.02 * k:.2f},{k},{2 * k}\n" for k in range(40)))
+    write(
+        "dataset.toml", '[records.tab]\nnote = "on\\tMonday"\n[records.tab.columns]\nu = "a\\tb"\n'
+    )
+    (tab,) = [record for record in load(folder).records if record.name == "tab"]
+    assert tab.u_V[-1] == 39.0
+    assert "on Monday" in load(folder).describe()
 
 
 def test_wrong_encoding_of_it(folder, refusal) -> None:

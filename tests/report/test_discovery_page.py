@@ -21,7 +21,7 @@ from rdpi_gym.report import discovery_charts as charts
 from rdpi_gym.report import discovery_page as candidates
 from rdpi_gym.report.chart import Bands, Bars, Chart, Level, Series
 from rdpi_gym.report.chart_plotly import plotly_figure
-from rdpi_gym.report.discovery_page import view_sections, write_discovery_page
+from rdpi_gym.report.discovery_page import MOST_VIEWS, view_sections, write_discovery_page
 from rdpi_gym.report.discovery_text import lines, staircase
 
 
@@ -283,6 +283,37 @@ def test_every_axis_carries_its_unit(made_discovery):
         assert titles
         for title in titles:
             assert any(f"({unit}" in title for unit in ("µm", "V", "s", "Hz", "%")), title
+
+
+def test_a_view_without_models_shows_the_measurement(made_discovery):
+    view = replace(made_discovery().views[0], models_um={})
+    (line,) = marks(charts.view_over_time(view, 0.02), Series)
+    assert line.name == "measured"
+    assert not marks(charts.residuals({}, 0.02, 1e-3), Series)
+
+
+def test_the_name_of_a_candidate_is_bold_and_plain_text(made_discovery):
+    first = next(iter(candidates.candidate_sections(made_discovery())[0].figure.values()))
+    for bar in (trace for trace in plotly_figure(first).data if trace.type == "bar"):
+        assert bar.hovertemplate.startswith("<b>%{y}</b><br>%{hovertext}")
+        assert all(text.startswith("validation ") for text in bar.hovertext)
+
+
+@pytest.mark.slow
+def test_many_records_keep_the_page_small(made_discovery, tmp_path):
+    view = made_discovery().views[0]
+    repeated = {
+        key: np.tile(getattr(view, key), 20) for key in ("t_s", "u_V", "y_um", "counted")
+    }  # fmt: skip
+    repeated["t_s"] = np.arange(repeated["u_V"].size) * 1e-3
+    models = {label: np.tile(y, 20) for label, y in view.models_um.items()}
+    views = tuple(
+        View(f"record {i}", "train", models_um=models, **repeated) for i in range(MOST_VIEWS + 3)
+    )
+    path = write_discovery_page(tmp_path / "report.html", "many", made_discovery(views=views))
+    assert path.stat().st_size < 15e6
+    said = f"Of {MOST_VIEWS + 3} records the {MOST_VIEWS} with the largest errors are here."
+    assert said in path.read_text(encoding="utf-8")
 
 
 def test_figures_open_on_the_record_with_the_largest_error(made_discovery):
