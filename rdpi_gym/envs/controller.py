@@ -139,7 +139,7 @@ class Correction:
     def _predict(
         self, i: int, lanes: slice, observation: NDArray[np.float32], begins: NDArray[np.bool_]
     ) -> None:
-        state = None if begins.all() else self._states[i]
+        state = None if begins[0] and begins.all() else self._states[i]
         action, self._states[i] = self._controllers[i].predict(
             observation, state=state, episode_start=begins, deterministic=True
         )

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 # Samples of the reference made at a time: one registered episode, and what it looks ahead.
 _CHUNK = 2048
-_LANE, _BEGINS = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool)
+_LANE, _BEGINS, _GOES_ON = np.zeros(1, dtype=np.int64), np.ones(1, bool), np.zeros(1, bool)
 _OPTIONS = ("reference", "frequency_hz", *PLANT_OPTIONS)
 
 
@@ -318,7 +318,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             self._task.extend(self.reference_um(signal, self._known, self._known + _CHUNK))
             self._known += _CHUNK
         if self._correction is not None:
-            self._correction.observe(observation, ~_BEGINS)
+            self._correction.observe(observation, _GOES_ON)
         info = self._info()
         reward = -abs(info["error_um"]) / layout.scale_um
         reward -= self.command_cost * abs(command - self._command_V) / self._span_V
