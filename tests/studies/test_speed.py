@@ -74,7 +74,7 @@ def test_the_command_writes_the_parts_that_are_named(tmp_path, capsys):
     assert speed.main(["vector", "fast", "--out", str(tmp_path)]) == 2
     assert "no part is named 'fast'; known are vector, core, " in capsys.readouterr().err
     for part, answer in (
-        ("vector", "With the defaults 3.05 times the steps"),
+        ("vector", "With the defaults one thread makes 3.05 times the steps"),
         ("core", "The slowest is asymmetric_bouc_wen, exponent 1.5 at 64 lanes"),
         ("training", "9.9 times as many. On two threads"),
     ):
