@@ -1,17 +1,14 @@
 """What the environment promises of actions, rewards, references, truth and belief."""
 
-from dataclasses import replace
-
 import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rdpi_gym.envs import PiezoTrackingEnv, TrackingTask
+from rdpi_gym.envs import PiezoTrackingEnv
 from rdpi_gym.envs.truth import limit_band, randomise_plant
 from rdpi_gym.plant import RDPI, PlantModel, Sensor, named_plant
-from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.signals import Measured, Sine, make_signal
 from tests.looping import over
 
@@ -92,24 +89,6 @@ def test_reference_is_the_signal_however_long_the_episode():
     np.testing.assert_array_equal(found, sine(1e-3 * np.arange(1, 5001)))
 
 
-@over("plant", ["P10", "P10-bench"])
-def test_equals_its_lane_among_many(plant):
-    env = PiezoTrackingEnv(plant=plant, frequency_hz=50.0, randomise=0.2)
-    rng = np.random.default_rng(0)
-    actions = rng.uniform(-1, 1, 200).astype(np.float32)
-    lanes = []
-    for seed in range(20):
-        env.reset(seed=seed)
-        lanes.append((env.truth, follow(env, actions)[0]))
-    truths, displacement = zip(*lanes, strict=True)
-    task = TrackingTask(truths, env.layout)
-    task.reset(np.zeros((1, 20)), [np.random.default_rng(b) for b in range(20)])
-    for k, action in enumerate(actions):
-        task.step(np.full(20, env.layout.place_to_V(np.float64(action))))
-        expected = [one[k] for one in displacement]
-        np.testing.assert_allclose(task.displacement_um, expected, rtol=0, atol=1e-12 * 40)
-
-
 def triangle_loop(ts_s, rate_bandwidth_hz):
     """Return displacements (µm) every 0.1 ms of a triangle that turns at samples of every Ts here."""
     env = PiezoTrackingEnv(plant="P10", ts_s=ts_s, rate_bandwidth_hz=rate_bandwidth_hz)
@@ -159,18 +138,6 @@ def test_truth_is_drawn_anew_and_belief_is_not():
         assert env.belief == env.nominal == nominal
         assert env.truth != env.belief
     assert len({truth.hysteresis for truth in truths}) == 3
-
-
-@over("name", list(CATALOGUE))
-def test_a_plant_with_an_effect_is_observed_and_not_believed(name):
-    plant = replace(named_plant("P5"), effects=(CATALOGUE[name](),))
-    env = PiezoTrackingEnv(plant=plant, randomise=0.1)
-    observation, _ = env.reset(seed=0)
-    assert env.truth.effects == env.nominal.effects == plant.effects
-    assert env.belief.effects == ()
-    for k in range(300):
-        assert observation in env.observation_space
-        observation, *_ = env.step(act((-1.0) ** (k // 7)))
 
 
 def test_band_limit_is_a_cap():
@@ -272,11 +239,3 @@ def test_a_plant_without_hysteresis_is_tracked_exactly():
         command = layout.reference_um(observation)[1] / 2.0
         observation, reward, *_ = env.step(layout.action_for(command, observation))
         assert reward > -1e-6  # the action is float32
-
-
-def test_observations_stay_in_their_space_under_the_wildest_commands():
-    env = PiezoTrackingEnv(plant="P10-bench", randomise=0.5, amplitude_um=20.0)
-    for seed in range(5):
-        env.reset(seed=seed)
-        for k in range(100):
-            assert env.step(act((-1.0) ** (k // 5)))[0] in env.observation_space

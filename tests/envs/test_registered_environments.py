@@ -49,10 +49,6 @@ def episode(env, steps=300, seed=3):
     return np.array(rows)
 
 
-def test_an_environment_is_registered():
-    assert "rdpi_gym/PiezoTracking-v0" in IDS
-
-
 @EACH
 def test_gymnasium_checker_has_no_complaint(name, keywords):
     env = gym.make(name, render_mode="rgb_array", **keywords)
@@ -96,24 +92,6 @@ def test_spec_survives_json(name, keywords):
     spec = EnvSpec.from_json(env.spec.to_json())
     assert json.loads(env.spec.to_json())["kwargs"] == json.loads(json.dumps(keywords))
     np.testing.assert_array_equal(episode(gym.make(spec)), episode(env))
-
-
-@EACH
-def test_vector_lanes_equal_single_environments(name, keywords):
-    vector = gym.make_vec(name, num_envs=3, vectorization_mode="sync", **keywords)
-    singles = [gym.make(name, **keywords) for _ in range(3)]
-    observations, _ = vector.reset(seed=5)
-    for lane, env in enumerate(singles):
-        np.testing.assert_array_equal(observations[lane], env.reset(seed=5 + lane)[0])
-    actions = np.random.default_rng(0).uniform(-1, 1, (20, 3, 1)).astype(np.float32)
-    for action in actions:
-        observations, rewards, *_, infos = vector.step(action)
-        for lane, env in enumerate(singles):
-            observation, reward, *_, info = env.step(action[lane])
-            np.testing.assert_array_equal(observations[lane], observation)
-            assert rewards[lane] == reward
-            assert {key: infos[key][lane] for key in info} == info
-    vector.close()
 
 
 @over("name", IDS)

@@ -69,12 +69,3 @@ def test_no_render_mode_draws_nothing_and_says_so():
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="no render_mode"):
         assert env.unwrapped.render() is None
-
-
-def test_video_of_vector_lanes():
-    vector = gym.make_vec(
-        "rdpi_gym/PiezoTracking-v0", num_envs=2, vectorization_mode="sync", render_mode="rgb_array"
-    )
-    vector.reset(seed=0)
-    assert [frame.shape for frame in vector.render()] == [(480, 960, 3)] * 2
-    vector.close()

@@ -180,25 +180,6 @@ def test_pickled_mid_episode_continues_alike():
             np.testing.assert_array_equal(one, other)
 
 
-@over("mode", ["SameStep", "NextStep"])
-def test_gymnasiums_wrappers_run_around_it(mode):
-    envs = gym.make_vec(
-        "rdpi_gym/PiezoTracking-v0", num_envs=3, max_episode_steps=10, autoreset_mode=mode
-    )
-    wrapped = gym.wrappers.vector.RecordEpisodeStatistics(
-        gym.wrappers.vector.ClipReward(envs, min_reward=-1.0, max_reward=0.0)
-    )
-    wrapped.reset(seed=0)
-    wrapped.action_space.seed(0)
-    returns, found = np.zeros(3), []
-    for _ in range(10):
-        _, reward, _, truncated, info = wrapped.step(wrapped.action_space.sample())
-        returns += reward
-        if "episode" in info:
-            found.append(info["episode"]["r"][truncated])
-    np.testing.assert_allclose(np.concatenate(found), returns, rtol=1e-6)
-
-
 def test_frames_of_every_lane():
     envs = PiezoTrackingVectorEnv(2, render_mode="rgb_array", max_episode_steps=15)
     single = gym.make("rdpi_gym/PiezoTracking-v0", render_mode="rgb_array", max_episode_steps=15)

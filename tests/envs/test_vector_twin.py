@@ -28,6 +28,9 @@ EVERY_EFFECT = replace(
 )
 
 
+CORRECTION = {"action": "correction"}
+
+
 def with_forms(number):
     """The plant with that further form of every effect that has as many; the last where it has not."""
     kinds = [forms_of(kind) for kind in CATALOGUE.values()]
@@ -88,76 +91,6 @@ def largest_difference(lanes, steps, episode, seed=7, **keywords):
     return worst
 
 
-@over("action", ["command", "increment"])
-def test_every_effect_of_the_catalogue_randomised_over_episodes(action):
-    assert {effect.slot for effect in EVERY_EFFECT.effects} == set(SLOTS)
-    found = largest_difference(
-        lanes=5,
-        steps=130,
-        episode=40,
-        plant=EVERY_EFFECT,
-        action=action,
-        randomise=0.2,
-        randomise_effects=0.4,
-        noise_um=0.05,
-        command_cost=0.5,
-        reference=["sine", "triangle", {"signal": "multisine", "lines": 4}],
-    )
-    assert found < 100.0 * ROUNDING
-
-
-@over("name", [*CATALOGUE, "unknown"])
-def test_each_effect_alone(name):
-    plant = replace(named_plant("P5"), effects=(CATALOGUE[name](),))
-    found = largest_difference(
-        lanes=2, steps=120, episode=50, plant=plant, randomise=0.1, randomise_effects=0.2
-    )
-    assert found < 25.0 * ROUNDING
-
-
-@over(
-    "keywords",
-    [
-        {},
-        {"plant": "P10-bench", "ts_s": 1e-5, "randomise": 0.3},  # a converter that holds
-        {"plant": "P5-static", "preview": 1, "rate_bandwidth_hz": None},
-        {"plant": "picma", "resolution_um": 0.02},
-        {"action": "correction", "baseline": "pi-classical-low-passed", "noise_um": 0.01},
-        {"action": "correction", "baseline": "extended-inverse", "belief": "P10-static"},
-        {"amplitude_um": 20.0, "offset_um": -5.0, "smooth_start_s": 0.0, "frequency_hz": 50.0},
-        {
-            "reference": [
-                {"signal": "sine", "frequency_hz": 77.0, "phase_rad": 1.0, "smooth_start_s": 4e-3},
-                {"signal": "sine", "amplitude_um": 3.0},
-                {"signal": "random-steps"},
-            ]
-        },
-    ],
-)
-def test_options(keywords):
-    assert largest_difference(lanes=4, steps=130, episode=45, **keywords) < 100.0 * ROUNDING
-
-
-def test_a_baseline_that_plans_ahead():
-    found = largest_difference(
-        lanes=2, steps=25, episode=10, plant="P5", action="correction", baseline="preview-inversion",
-        frequency_hz=100.0,
-    )  # fmt: skip
-    assert found < 25.0 * ROUNDING
-
-
-@over(
-    "reference",
-    [["sine", "triangle"], ["sawtooth"], [{"signal": "multisine", "lines": 3, "odd": True}]],
-)
-def test_episodes_longer_than_what_is_had_at_a_time(reference):
-    found = largest_difference(
-        lanes=2, steps=4300, episode=None, plant="P5", noise_um=0.1, reference=reference,
-        frequency_hz=(3.0, 30.0), seed=3,
-    )  # fmt: skip
-    assert found < 25.0 * ROUNDING
-
-
 def test_lanes_that_are_given_other_references_on_the_way():
     """Kernels that had sines alone take up multisines of more lines, and a signal that Python samples."""
     envs = PiezoTrackingVectorEnv(3, plant="P5", max_episode_steps=None, noise_um=0.01)
@@ -184,11 +117,6 @@ def test_lanes_that_are_given_other_references_on_the_way():
                 one, its_reward, _, _, its_info = env.step(action[each])
                 ours = observation, reward, info
                 assert difference(ours, (one, its_reward, its_info), each) < 25.0 * ROUNDING
-
-
-@over("lanes", [33, 500])
-def test_any_number_of_lanes(lanes):
-    assert largest_difference(lanes, steps=6, episode=4, randomise=0.2) < 80.0 * ROUNDING
 
 
 @njit
@@ -225,12 +153,87 @@ class Wobble(Effect):
         return 1
 
 
-def test_an_effect_of_ones_own_among_those_of_the_catalogue():
-    plant = replace(EVERY_EFFECT, effects=(*EVERY_EFFECT.effects, Wobble()))
-    found = largest_difference(
-        lanes=3, steps=60, episode=25, plant=plant, randomise=0.1, randomise_effects=0.3
-    )
-    assert found < 100.0 * ROUNDING
+P5, P10 = named_plant("P5"), named_plant("P10")
+SMALL = {"lanes": 3, "steps": 60, "episode": 25, "randomise": 0.1, "randomise_effects": 0.3}
+ALONE = {"lanes": 2, "steps": 120, "episode": 50, "randomise": 0.1, "randomise_effects": 0.2}
+OPTIONS = {"lanes": 4, "steps": 130, "episode": 45}
+LONG = {
+    "lanes": 2, "steps": 4300, "episode": None, "plant": "P5", "noise_um": 0.1,
+    "frequency_hz": (3.0, 30.0), "seed": 3,
+}  # fmt: skip
+EVERY = {
+    "lanes": 5, "steps": 130, "episode": 40, "plant": EVERY_EFFECT, "randomise": 0.2,
+    "randomise_effects": 0.4, "noise_um": 0.05, "command_cost": 0.5,
+    "reference": ["sine", "triangle", {"signal": "multisine", "lines": 4}],
+}  # fmt: skip
+SINES = [
+    {"signal": "sine", "frequency_hz": 77.0, "phase_rad": 1.0, "smooth_start_s": 4e-3},
+    {"signal": "sine", "amplitude_um": 3.0},
+    {"signal": "random-steps"},
+]
+CASES = [  # bound in units of the rounding, and what is run
+    *((100.0, EVERY | {"action": action}) for action in ("command", "increment")),
+    *(
+        (25.0, ALONE | {"plant": replace(P5, effects=(CATALOGUE[name](),))})
+        for name in (*CATALOGUE, "unknown")
+    ),
+    (100.0, OPTIONS),
+    # a converter that holds
+    (100.0, OPTIONS | {"plant": "P10-bench", "ts_s": 1e-5, "randomise": 0.3}),
+    (100.0, OPTIONS | {"plant": "P5-static", "preview": 1, "rate_bandwidth_hz": None}),
+    (100.0, OPTIONS | {"plant": "picma", "resolution_um": 0.02}),
+    (100.0, OPTIONS | CORRECTION | {"baseline": "pi-classical-low-passed", "noise_um": 0.01}),
+    (100.0, OPTIONS | CORRECTION | {"baseline": "extended-inverse", "belief": "P10-static"}),
+    (
+        100.0,
+        OPTIONS
+        | {"amplitude_um": 20.0, "offset_um": -5.0, "smooth_start_s": 0.0, "frequency_hz": 50.0},
+    ),
+    (100.0, OPTIONS | {"reference": SINES}),
+    # a baseline that plans ahead
+    (
+        25.0,
+        {"lanes": 2, "steps": 25, "episode": 10, "plant": "P5", "frequency_hz": 100.0}
+        | CORRECTION
+        | {"baseline": "preview-inversion"},
+    ),
+    # episodes longer than the samples that are made at a time
+    (25.0, LONG | {"reference": ["sine", "triangle"]}),
+    (25.0, LONG | {"reference": ["sawtooth"]}),
+    (25.0, LONG | {"reference": [{"signal": "multisine", "lines": 3, "odd": True}]}),
+    *((80.0, {"lanes": n, "steps": 6, "episode": 4, "randomise": 0.2}) for n in (33, 500)),
+    (100.0, SMALL | {"plant": replace(EVERY_EFFECT, effects=(*EVERY_EFFECT.effects, Wobble()))}),
+    *((100.0, SMALL | {"plant": with_forms(number)}) for number in range(1, MOST_FORMS)),
+    *(
+        (
+            100.0,
+            SMALL
+            | {"plant": replace(with_core(name), effects=effects)}
+            | {"randomise": 0.2, "noise_um": 0.05},
+        )
+        for name in CORES
+        for effects in ((), EVERY_EFFECT.effects)
+    ),
+    # a past about the start is about the command at rest
+    *(
+        (
+            100.0,
+            SMALL
+            | {"randomise": 0.0}
+            | {"plant": replace(P10, command_range_V=(15.0, 60.0), effects=(past(),))},
+        )
+        for past in (load_effect("initial_memory", w) for w in ("about the start", "last turns"))
+    ),
+]
+
+
+def test_the_effects_have_every_slot():
+    assert {effect.slot for effect in EVERY_EFFECT.effects} == set(SLOTS)
+
+
+@over("bound, case", CASES)
+def test_every_lane_is_the_single_environment(bound, case):
+    assert largest_difference(**case) < bound * ROUNDING
 
 
 def test_a_kernel_that_does_not_compile_is_refused_in_one_line():
@@ -279,22 +282,6 @@ def test_a_kernel_declared_for_strided_arrays_runs_as_one_declared_for_none():
             expected = then
     assert np.isfinite(then).all()
     np.testing.assert_array_equal(then, expected)
-
-
-@over("bare", [True, False])
-@over("name", list(CORES))
-def test_every_core_randomised_over_episodes(name, bare):
-    plant = with_core(name)
-    found = largest_difference(
-        lanes=3,
-        steps=60,
-        episode=25,
-        plant=replace(plant, effects=()) if bare else plant,
-        randomise=0.2,
-        randomise_effects=0.3,
-        noise_um=0.05,
-    )
-    assert found < 100.0 * ROUNDING
 
 
 @over("name", list(CORES))
@@ -355,27 +342,6 @@ def test_effects_are_drawn_at_levels_of_their_range():
     np.testing.assert_allclose(drawn, levels[nearest], rtol=1e-12)
     # 300 draws of 33 levels leave each of them out with a chance of 1e-4.
     assert len(set(nearest.tolist())) >= 32
-
-
-@over("number", range(1, MOST_FORMS))
-def test_further_forms_of_every_effect(number):
-    found = largest_difference(
-        lanes=3,
-        steps=60,
-        episode=25,
-        plant=with_forms(number),
-        randomise=0.1,
-        randomise_effects=0.3,
-    )
-    assert found < 100.0 * ROUNDING
-
-
-@over("words", ["about the start", "last turns"])
-def test_a_past_about_the_start_is_about_the_command_at_rest(words):
-    past = load_effect("initial_memory", words)()
-    plant = replace(named_plant("P10"), command_range_V=(15.0, 60.0), effects=(past,))
-    found = largest_difference(lanes=3, steps=60, episode=25, plant=plant, randomise_effects=0.3)
-    assert found < 100.0 * ROUNDING
 
 
 def test_a_plant_with_another_form_of_an_effect_is_refused():
