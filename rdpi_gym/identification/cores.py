@@ -271,7 +271,9 @@ class _Problem:
             price = len(y) * self._price**2 * core.roughness()
             moves |= np.diag(price) > 0.0
             gram += price
-        gains = signed_least_squares(gram, rows @ y, core.signed, moves, 0.0)
+        turned = np.flatnonzero(core.signed)
+        may = np.concatenate([moves, moves[turned]])
+        gains = signed_least_squares(gram, rows @ y, turned, may, 0.0, may)
         fitted = core.with_gains(gains.tolist())
         found = np.array(fitted.gains)
         left: Array = y - found @ rows

@@ -67,7 +67,7 @@ def _links(
 def _front(variants: Sequence[Variant[Any]], record: Record) -> tuple[Array, Array, Array, Array]:
     """Commands and rates ``[T, F]`` of variants, their packed parameters and initial states."""
     lanes = len(variants)
-    u = np.repeat(record.u_V[:, None], lanes, axis=1)
+    u = np.full((record.u_V.size, lanes), record.u_V[:, None])
     hysteresis = [variant.hysteresis for variant in variants]
     parameters = pack(hysteresis, record.ts_s, [0.0] * lanes)
     state = empty_state(hysteresis[0].n, lanes)
@@ -167,14 +167,21 @@ def _difference_rows(
     measured: Array,
     kept: NDArray[np.intp],
     scale: Array,
-    target: NDArray[np.intp],
+    order: NDArray[np.intp],
     rows: Array,
 ) -> None:
-    """Fill rows with (lane - lane 0) / step at the kept samples, and what lane 0 leaves."""
+    """Fill rows with (lane - lane 0) / step at the kept samples, and what lane 0 leaves.
+
+    The last lanes are those of the free numbers, in an order of their own.
+    """
+    first = scale.shape[0] - order.shape[0]
     for j in range(kept.shape[0]):
         here = x[kept[j], 0]
-        for lane in range(scale.shape[0]):
-            rows[j, target[lane]] = (x[kept[j], lane + 1] - here) * scale[lane]
+        for lane in range(first):
+            rows[j, lane] = (x[kept[j], lane + 1] - here) * scale[lane]
+        for k in range(order.shape[0]):
+            lane = first + k
+            rows[j, first + order[k]] = (x[kept[j], lane + 1] - here) * scale[lane]
         rows[j, scale.shape[0]] = measured[kept[j]] - here
 
 
@@ -202,7 +209,6 @@ def jacobian_rows(
     behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
     core_lanes = _core_lanes(core, front_u, front_v, memory, gain_steps)
     scale = 1.0 / np.concatenate([gain_steps, steps[order]])
-    target = np.concatenate([np.arange(first - 1), first - 1 + order])
     rows = np.empty((len(kept), len(lanes)))
     done = 0
     for start in range(0, len(record.u_V), _CHUNK):
@@ -212,12 +218,12 @@ def jacobian_rows(
         x[:, first : first + len(ahead)] = ahead_y[part]
         x[:, first + len(ahead) :] = x[:, :1]
         if behind_core:
-            commands = np.repeat(front_u[part, None], len(lanes), axis=1)
+            commands = np.full((len(x), len(lanes)), front_u[part, None])
             commands[:, first : first + len(ahead)] = ahead_u[part]
             x = walk(behind_core, [commands, None, x])[DISPLACEMENT]
         end = done + int(np.searchsorted(kept[done:], start + len(x)))
         _difference_rows(
-            x, record.y_um[part], kept[done:end] - start, scale, target, rows[done:end]
+            x, record.y_um[part], kept[done:end] - start, scale, order, rows[done:end]
         )  # fmt: skip
         done = end
     return rows
@@ -271,11 +277,11 @@ def _parted(
     base: Variant[Any], changed: Sequence[Variant[Any]]
 ) -> tuple[NDArray[np.intp], list[Variant[Any]], list[Variant[Any]]]:
     """Variants that differ in front of the plays and behind, and the places of both in this order."""
-    front = np.array([_changes_front(base, variant) for variant in changed], dtype=np.bool_)
-    order = np.argsort(~front, kind="stable")
-    lanes = [changed[k] for k in order]
-    count = int(front.sum())
-    return order, lanes[:count], lanes[count:]
+    ahead, behind = list[int](), list[int]()
+    for k, variant in enumerate(changed):
+        (ahead if _changes_front(base, variant) else behind).append(k)
+    order = np.array(ahead + behind, dtype=np.intp)
+    return order, [changed[k] for k in ahead], [changed[k] for k in behind]
 
 
 def _changes_front(base: Variant[Any], variant: Variant[Any]) -> bool:

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
@@ -18,6 +19,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
+from rdpi_gym.plant.parameters import moved
 from rdpi_gym.support.arrays import Array
 
 _GAIN_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a gain acts nonlinearly
@@ -102,11 +104,8 @@ class Free:
 
     def read(self, variant: Variant[Any]) -> float:
         """Return the value of a variant, or its logarithm."""
-        if self.effect is None:
-            value = float(getattr(variant.hysteresis, self.parameter.name))
-        else:
-            value = variant.effects[self.effect].values[self.parameter.name]
-        return self.coordinate(value)
+        owner = variant.hysteresis if self.effect is None else variant.effects[self.effect]
+        return self.coordinate(float(getattr(owner, self.parameter.name)))
 
     def write(self, variant: Variant[Any], value: float) -> Variant[Any]:
         """Return the variant moved to a place, kept within the bounds."""
@@ -115,10 +114,11 @@ class Free:
         if self.effect is None:
             core = variant.hysteresis.with_shape({self.parameter.name: float(physical)})
             return Variant(core, variant.effects)
-        effects = list(variant.effects)
-        effects[self.effect] = effects[self.effect].with_values(
-            {self.parameter.name: float(physical)}
-        )
+        name, effects = self.parameter.name, list(variant.effects)
+        if math.isfinite(physical):  # within its bounds
+            effects[self.effect] = moved(effects[self.effect], Effect, **{name: float(physical)})
+        else:
+            effects[self.effect] = effects[self.effect].with_values({name: float(physical)})
         return Variant(variant.hysteresis, tuple(effects))
 
 
@@ -202,13 +202,13 @@ class _Pass:
     bends: float  # what their price adds to `total`
     core: Core
 
-    @property
+    @cached_property
     def allowed(self) -> BoolArray:
         """Which gains move enough in some record to stand out from its offset."""
         least = MIN_MOTION if self.core.keeps_first else _LEAST_MOTION
         return np.asarray(self.motion[: len(self.core.gains)] >= least)
 
-    @property
+    @cached_property
     def floor(self) -> float:
         """Lower bound of the first gain: of a_0 (µm/V) a share of the gain that it alone would have."""
         if not self.core.keeps_first:
@@ -220,8 +220,12 @@ class _Pass:
     def gains(self) -> Array:
         """Best gains where the free numbers stay."""
         n, core = len(self.core.gains), self.core
-        gram, rhs = self.gram[:n, :n], self.rhs[:n]
-        return signed_least_squares(gram, rhs, core.signed, self.allowed, self.floor)
+        turned = np.flatnonzero(core.signed)
+        may = np.concatenate([self.allowed, self.allowed[turned]])
+        found: Array = signed_least_squares(
+            self.gram[:n, :n], self.rhs[:n], turned, may, self.floor, may
+        )
+        return found
 
     @cached_property
     def least(self) -> float:
@@ -305,6 +309,28 @@ class _Problem:
         return changed, np.array(steps)
 
 
+@njit(cache=True)
+def _add_record(
+    square: Array, across: Array, moved_by: Array, first: bool, gram: Array, motion: Array
+) -> None:
+    """Add the products of a record; `motion` of every column is over that of the command."""
+    n, size = square.shape[0], gram.shape[0] - 1
+    spread = np.empty(size)
+    for i in range(n):
+        spread[i] = np.sqrt(square[i, i])
+    for i in range(n, size):
+        spread[i] = np.sqrt(moved_by[i - n, i - n])
+    moves = spread[0] if first else spread[:n].max()
+    for i in range(size):
+        share = spread[i] / max(moves, 1e-300)
+        if share > motion[i] or np.isnan(share):
+            motion[i] = share
+    gram[:n, :n] += square
+    gram[:n, n:] += across
+    gram[n:, :n] += across.T
+    gram[n:, n:] += moved_by
+
+
 def _products(
     variant: Variant[Any],
     free: Sequence[Free],
@@ -318,15 +344,8 @@ def _products(
     n, size = len(weights), len(weights) + changes[0].shape[1] - 1
     gram, motion = np.zeros((size + 1, size + 1)), np.zeros(size)
     for own, change, square in zip(columns, changes, squares, strict=True):
-        part = np.zeros((size + 1, size + 1))
-        part[:n, :n] = square
-        part[:n, n:] = own.T @ change
-        part[n:, :n] = part[:n, n:].T
-        part[n:, n:] = change.T @ change
-        spread = np.sqrt(np.diag(part)[:size])
-        moves = spread[0] if variant.hysteresis.keeps_first else spread[:n].max()
-        motion = np.maximum(motion, spread / max(float(moves), 1e-300))
-        gram += part
+        across, moved_by = own.T @ change, change.T @ change
+        _add_record(square, across, moved_by, variant.hysteresis.keeps_first, gram, motion)
     # what is left, plus what the weights give now: to be solved for weights, not for their steps
     whole = np.eye(size + 1)
     whole[:n, size] = weights
@@ -365,14 +384,16 @@ def _solve(
     Gains that may not be negative stay at zero or above; the search begins at those that are there.
     """
     n, moves = len(gains), at.gram.shape[0] - len(gains)
-    signed = np.concatenate([np.array(at.core.signed, dtype=np.bool_), np.ones(moves, np.bool_)])
-    damped = at.gram + np.diag(np.concatenate([np.zeros(n), damping * np.diag(at.gram)[n:]]))
-    up, down = np.array(ways, dtype=bool).reshape(-1, 2).T
-    guess = np.concatenate([np.array(gains) > 0.0, np.zeros(moves, dtype=np.bool_)])
-    return signed_least_squares(
-        damped, at.rhs, signed, np.concatenate([at.allowed, up]), at.floor, guess,
-        np.concatenate([at.allowed, down]),
-    )  # fmt: skip
+    signed, free = np.flatnonzero(at.core.signed), np.arange(n, n + moves)
+    damped = at.gram.copy()
+    damped[free, free] += damping * damped[free, free]
+    up, down = np.array(ways, dtype=np.bool_).reshape(-1, 2).T
+    allowed = np.concatenate([at.allowed, up, at.allowed[signed], down])
+    guess = np.zeros(len(allowed), dtype=np.bool_)
+    guess[:n] = np.array(gains) > 0.0
+    turned = np.concatenate([signed, free])
+    x: Array = signed_least_squares(damped, at.rhs, turned, allowed, at.floor, guess)
+    return x
 
 
 def fit_joint(
@@ -509,9 +530,10 @@ def _begun(
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     span = max(float(np.ptp(r.u_V)) for r in records)
     free = free_numbers(start, effects, 0.1 * span / fastest, held)
-    price = smoothness**2 * start.roughness()
+    n = len(start.gains)
+    price = smoothness**2 * start.roughness() if smoothness else np.zeros((n, n))
     # RDPI's gains all act on volts
-    sizes = np.ones(len(start.gains)) if isinstance(start, RDPI) else _gain_sizes(start, records)
+    sizes = np.ones(n) if isinstance(start, RDPI) else _gain_sizes(start, records)
     problem = _Problem(free, records, kept_samples(records, samples), price, sizes)
     return problem, _with_gains(Variant(start, tuple(effects)), np.array(start.gains))
 

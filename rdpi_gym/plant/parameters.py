@@ -17,6 +17,9 @@ def moved(one: One, checks: type, **values: Any) -> One:
     if kind.__post_init__ is not checks.__post_init__:  # type: ignore[attr-defined]
         return replace(one, **values)  # type: ignore[type-var]
     made: One = object.__new__(kind)
+    if vars(one).keys() == kind.__dataclass_fields__.keys():  # nothing cached beside the fields
+        vars(made).update(vars(one), **values)
+        return made
     for name in kind.__dataclass_fields__:
         object.__setattr__(made, name, values[name] if name in values else getattr(one, name))
     return made

@@ -47,16 +47,16 @@ class Stage:
         self._signal = ACTS_ON.get(self.slot, DISPLACEMENT)
         self._block = type(effects[0]).block
         self._clocked = effects[0].clocked
-        packed: dict[tuple[int, int], list[float]] = {}
-        columns = []
+        packed: dict[tuple[int, int], int] = {}
+        columns, places, rows = list[list[float]](), list[int](), 0
         for effect, model in zip(effects, hysteresis, strict=True):
             pair = id(effect), id(model)  # by identity: a hash of every number costs more
             if pair not in packed:
-                packed[pair] = effect.coefficients(ts_s, model)
-            columns.append(packed[pair])
-        self._parameters = np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
-        pairs = zip(effects, hysteresis, strict=True)
-        rows = max(effect.state_rows_with(ts_s, core) for effect, core in pairs)
+                packed[pair] = len(columns)
+                columns.append(effect.coefficients(ts_s, model))
+                rows = max(rows, effect.state_rows_with(ts_s, model))
+            places.append(packed[pair])
+        self._parameters = np.array(columns, dtype=np.float64).T.take(places, axis=1)
         self._state = np.full((rows, len(effects)), np.nan)
         self._ts_s = ts_s
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.effect_discovery.outsiders import BoucWen, Force, Preisach
+from rdpi_gym.diagnosis.features.noise import quiet_noise
 from rdpi_gym.diagnosis.search.learner import FAMILIES, memory_features
 from rdpi_gym.diagnosis.search.residual_share import FOLLOWS, remainder
 from rdpi_gym.diagnosis.suitability import comb
@@ -95,7 +96,7 @@ def measure(displacement, seed=0):
 def left_by_rdpi(train, validation, noise_um=NOISE_UM, quiet=()):
     variant = fit_joint(train, comb(train), ()).variant
     scale = data_scale((*train, *validation))
-    return remainder(variant, train, validation, scale, noise_um, quiet=quiet)
+    return remainder(variant, train, validation, scale, noise_um, still=quiet_noise(quiet))
 
 
 @over("kind", [bouc_wen, preisach, relays, coleman_hodgdon])

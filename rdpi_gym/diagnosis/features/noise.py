@@ -171,31 +171,62 @@ def slowness(residuals: Sequence[Array]) -> float:
     return min(float(np.mean(levels[-2:]) / levels[0]), _SLOWEST)
 
 
-def noise_floor(
-    quiet: Sequence[Record],
-    records: Sequence[Record],
-    residuals: Sequence[Array],
-    colour: float | None = None,
-) -> tuple[float, Statement]:
-    """Noise of a data set (µm, rms) and where the figure comes from."""
-    still = [(flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
+@dataclass(frozen=True)
+class _Level:
+    value_um: float
+    samples: int
+    origin: Statement
+
+
+@dataclass(frozen=True)
+class MeasuredNoise:
+    """Noise levels of quiet records and repetitions, and how much slower than white that noise is."""
+
+    levels: tuple[_Level, ...]
+    colours: tuple[float, ...]
+
+
+def quiet_noise(quiet: Sequence[Record]) -> list[tuple[Array, str]]:
+    """The noise (µm) in each quiet record that is long enough, and the record's name."""
+    return [(flattened(r), r.name) for r in quiet if len(r.y_um) >= _FEWEST]
+
+
+def measured_noise(still: Sequence[tuple[Array, str]], records: Sequence[Record]) -> MeasuredNoise:
+    """Noise that quiet and other records show without a model."""
     spreads = [(spread, r.name) for r in records if (spread := _spread(r)) is not None]
-    found = [
+    levels = [
         _Level(float(np.std(noise, ddof=4)), noise.size, statement("noise/quiet", record=name))
         for noise, name in still
     ]
-    found += [
+    levels += [
         _Level(_rms(s), s.size, statement("noise/repetitions", record=name)) for s, name in spreads
     ]
     colours = [_slowness(noise) for noise, _ in still]
     colours = colours or [_slowness(spread.ravel()) for spread, _ in spreads]
     # what is many times slower than white is motion that comes now and then, and no noise
-    colours = [c for c in colours if c <= _SLOWEST_SEEN]
-    if colours:
-        colour = max(1.0, float(np.median(colours)))
-    elif colour is None:
-        colour = slowness(residuals)
-    rough = [(rough_part(e), len(e)) for e in residuals if len(e) >= _FEWEST]
+    return MeasuredNoise(tuple(levels), tuple(c for c in colours if c <= _SLOWEST_SEEN))
+
+
+def rough_parts(residuals: Sequence[Array]) -> list[tuple[float, int]]:
+    """The rough part of each residual that is long enough, and its samples."""
+    return [(rough_part(e), len(e)) for e in residuals if len(e) >= _FEWEST]
+
+
+def noise_floor(
+    quiet: Sequence[Record], records: Sequence[Record], residuals: Sequence[Array]
+) -> tuple[float, Statement]:
+    """Noise of a data set (µm, rms) and where the figure comes from."""
+    measured = measured_noise(quiet_noise(quiet), records)
+    return floor_from(measured, rough_parts(residuals), slowness(residuals))
+
+
+def floor_from(
+    measured: MeasuredNoise, rough: Sequence[tuple[float, int]], colour: float
+) -> tuple[float, Statement]:
+    """Noise floor (µm, rms) and its origin; `colour` of the residuals counts where no record shows one."""
+    found = list(measured.levels)
+    if measured.colours:
+        colour = max(1.0, float(np.median(measured.colours)))
     if rough:
         origin = statement("noise/rough")
         if colour > _COLOURED:
@@ -213,13 +244,6 @@ def noise_floor(
     )
     most = max(alike, key=lambda level: level.samples)
     return floor, statement("noise", floor=floor, origin=most.origin)
-
-
-@dataclass(frozen=True)
-class _Level:
-    value_um: float
-    samples: int
-    origin: Statement
 
 
 def _rms(spread: Array) -> float:

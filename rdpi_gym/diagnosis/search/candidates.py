@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import groupby
 
 import numpy as np
@@ -131,6 +131,25 @@ class Setting:
         )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Bare:
+    """A model that candidates are added to; they share its first steps."""
+
+    setting: Setting
+    hysteresis: Core
+    effects: tuple[Effect, ...]
+
+    @cached_property
+    def begun(self) -> FirstSteps:
+        """The model with its best weights."""
+        return self.setting.first_steps(self.hysteresis, self.effects, 0)
+
+    @cached_property
+    def stepped_rmse_um(self) -> float:
+        """Training error (µm) after as many steps as a start of a candidate takes."""
+        return self.setting.first_steps(self.hysteresis, self.effects, _FIRST_STEPS).train_rmse_um
+
+
 def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     """Simulate a refit over all records."""
     by_record: dict[str, float] = {}
@@ -150,6 +169,7 @@ def refit(
     kind: type[Effect] | None,
     starts: Sequence[Effect] | None = None,
     least_um: float = math.inf,
+    bare: Bare | None = None,
 ) -> Outcome:
     """Fit the core, the effects present and a candidate together, from each of its starts.
 
@@ -157,7 +177,10 @@ def refit(
     """
     if kind is None:
         return attempt(lambda: assess(setting, "", setting.fit(hysteresis, present)))
-    make = partial(_refit, setting, hysteresis, present, kind, starts, least_um)
+    others = tuple(effect for effect in present if effect.name != kind.name)
+    if bare is None or bare.effects != others:
+        bare = Bare(setting, hysteresis, others)
+    make = partial(_refit, bare, kind, starts, least_um)
     # a user's effect may raise anything; what else ours raises is a fault of the program
     caught = NO_FIT if kind.name in CATALOGUE else (Exception,)
     return attempt(make, kind.name, kind.form, caught)
@@ -188,14 +211,9 @@ def _reason(error: Exception) -> str:
 
 
 def _refit(
-    setting: Setting,
-    hysteresis: Core,
-    present: Sequence[Effect],
-    kind: type[Effect],
-    starts: Sequence[Effect] | None,
-    least_um: float,
+    bare: Bare, kind: type[Effect], starts: Sequence[Effect] | None, least_um: float
 ) -> Outcome:
-    present = [effect for effect in present if effect.name != kind.name]
+    setting, hysteresis, present = bare.setting, bare.hysteresis, bare.effects
     troubles: list[str] = []
     held = frozenset() if kind.kinked is None else frozenset({f"{kind.name}.{kind.kinked}"})
 
@@ -217,8 +235,7 @@ def _refit(
     least_um *= _by_chance(setting, kind)
     if (held or kind.form) and len(places) > _LOOKED_AT:
         # a form has starts for each optimum: most are seen to be worse at once
-        bare = setting.first_steps(hysteresis, present, 0)
-        places = nearest(setting.train, bare, places, FIRST_SAMPLES, _LOOKED_AT)
+        places = nearest(setting.train, bare.begun, places, FIRST_SAMPLES, _LOOKED_AT)
     if kind.form and len(places) > _RACED:
         places = [_own(fit.variant, kind.name) for fit in begun(places, 0)[:_RACED]]
     first = begun(places, 0 if held else _FIRST_STEPS)
@@ -227,8 +244,7 @@ def _refit(
     variant, hopeful = first[0].variant, first[0].train_rmse_um < least_um
     if held:
         best = setting.fit(variant.hysteresis, variant.effects, AS_IT_IS, held, SEARCH_SAMPLES)
-        without = setting.first_steps(hysteresis, present, _FIRST_STEPS).train_rmse_um
-        if first[0].train_rmse_um < _CUSP_SHOWS * without:
+        if first[0].train_rmse_um < _CUSP_SHOWS * bare.stepped_rmse_um:
             hopeful, best = True, _along_cusp(setting, best, kind.name, str(kind.kinked))
         variant = best.variant
     passes = _PASSES if hopeful else AS_IT_IS
@@ -320,8 +336,7 @@ def _squares(
 
 
 def refit_all(
-    setting: Setting,
-    hysteresis: Core,
+    bare: Bare,
     trials: Sequence[Trial],
     checkpoint: Checkpoint,
     jobs: int,
@@ -330,6 +345,7 @@ def refit_all(
     seen: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
     """Refit every candidate, in parallel; best validation error first."""
+    setting, hysteresis = bare.setting, bare.hysteresis
     outcomes: list[Outcome] = []
     unfinished: list[Trial] = []
     for trial in trials:
@@ -343,7 +359,7 @@ def refit_all(
             seen(outcomes[-1])
     report(len(outcomes), len(trials))
     by_name = {(trial.kind.name, trial.kind.form): trial for trial in unfinished}
-    one = partial(_refit_trial, setting, hysteresis, least_um)
+    one = partial(_refit_trial, bare, least_um)
     for outcome in run_cases(one, unfinished, 1 if len(unfinished) < 2 else jobs):
         if outcome.fit is not None:
             trial = by_name[outcome.effect, outcome.form]
@@ -354,8 +370,10 @@ def refit_all(
     return sorted(outcomes, key=lambda o: o.mean_square)
 
 
-def _refit_trial(setting: Setting, hysteresis: Core, least_um: float, trial: Trial) -> Outcome:
-    return refit(setting, hysteresis, trial.present, trial.kind, trial.starts, least_um)
+def _refit_trial(bare: Bare, least_um: float, trial: Trial) -> Outcome:
+    return refit(
+        bare.setting, bare.hysteresis, trial.present, trial.kind, trial.starts, least_um, bare
+    )
 
 
 # Of the largest singular value, what is no direction of its own.

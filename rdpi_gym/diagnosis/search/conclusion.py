@@ -181,7 +181,7 @@ def _remainder(
         setting.scale,
         noise_um,
         numerical_um,
-        search.dataset.quiet,
+        search.still,
     )
     left = Left(found.share, found.low, found.high, found.repeats, found.hidden_um, found.left_um)
     return f"{said_of(others)} {found.sentence}".strip(), left

@@ -103,7 +103,9 @@ class Pruning(Rounds):
                 for t in better_forms(kept, self.setting.scale)
                 if t.kind.name in {e.name for e in kin}
             ]
-            for outcome in self._refit(state, trials, f"without {name}") if trials else []:
+            for outcome in (
+                self._refit(self._bare(state), trials, f"without {name}") if trials else []
+            ):
                 loss = outcome.mean_square - state.outcome.mean_square
                 if outcome.fit is not None and loss < AT_FLOOR * self.noise_um**2:
                     merged = State(replace(outcome, effect=""))

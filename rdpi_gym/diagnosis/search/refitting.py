@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym.diagnosis.checks import run_checks
-from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
+from rdpi_gym.diagnosis.features.noise import (
+    MeasuredNoise,
+    floor_from,
+    measured_noise,
+    quiet_noise,
+    rough_parts,
+    slowness,
+)
 from rdpi_gym.diagnosis.features.samples import BoolArray
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.preprocessing.faults import spikes
@@ -19,6 +26,7 @@ from rdpi_gym.diagnosis.preprocessing.finding import Finding
 from rdpi_gym.diagnosis.preprocessing.inspection import inspect
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import (
+    Bare,
     Outcome,
     Setting,
     Trial,
@@ -63,7 +71,6 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
-from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import joined
@@ -146,6 +153,7 @@ class Refitting:
         self.dataset = dataset
         self.catalogue = self._offered = catalogue
         self._asked_core = core
+        self.still = quiet_noise(dataset.quiet)
         self.setting = setting_of(dataset)
         train, validation = self.setting.train, self.setting.validation
         self._whole = self.setting
@@ -159,7 +167,10 @@ class Refitting:
         self._spared: dict[str, BoolArray] = {}
         self.noise_um, self.noise_origin = math.nan, statement("noise/unknown")
         self._least, self._colour = math.inf, 1.0
-        self._whitest: tuple[float, tuple[Record, ...], list[Array]] | None = None
+        self._whitest: tuple[float, MeasuredNoise, list[tuple[float, int]]] | None = None
+        self._pooled: (
+            tuple[tuple[tuple[Record, ...], ...], tuple[Record, ...], MeasuredNoise] | None
+        ) = None
         self._jobs, self._seed = jobs, seed
         self._on_candidate = on_candidate
         self._given: PlantModel[Any] | None = None
@@ -311,17 +322,19 @@ class Refitting:
             self._clocks = (state, floor_um, found)
         return self._clocks[2]
 
+    def _bare(self, state: State) -> Bare:
+        return Bare(self.setting, self._plays(state), state.effects)
+
     def _plays(self, state: State) -> Core:
         # smooth weights are those of the whole comb
         return state.hysteresis if self.setting.smoothness else state.hysteresis.pruned()
 
     def _refit(
-        self, state: State, trials: Sequence[Trial], task: str, least_um: float = math.inf
+        self, bare: Bare, trials: Sequence[Trial], task: str, least_um: float = math.inf
     ) -> list[Outcome]:
-        core = type(state.hysteresis)
+        core = type(bare.hysteresis)
         return refit_all(
-            self.setting, self._plays(state), [t for t in trials if t.kind.fits_in(core)],
-            self._checkpoint, self._jobs,
+            bare, [t for t in trials if t.kind.fits_in(core)], self._checkpoint, self._jobs,
             lambda done, total: self._progress(task, done, total), least_um, self._seen,
         )  # fmt: skip
 
@@ -331,25 +344,33 @@ class Refitting:
             self._on_candidate(refit_of(self.setting, outcome, self._given))
 
     def _update_noise(self, state: State) -> None:
-        # a record of which a part is held out is one record
-        whole: dict[str, Record] = {}
-        for r in (*self.setting.train, *self.setting.validation):
-            other = whole.get(r.name, r)
-            whole[r.name] = replace(r, error_mask=r.error_mask | other.error_mask)
-        records = tuple(whole.values())
+        records, measured = self._measured()
         residuals = [
             (r.y_um - simulate_effects([state.fit.variant], r)[:, 0])[r.error_mask] for r in records
         ]
         if state.outcome.mean_square < self._least:
             # what the best model leaves is most like the noise
             self._least, self._colour = state.outcome.mean_square, slowness(residuals)
-        quiet = self.dataset.quiet
-        white_um, _ = noise_floor(quiet, records, residuals, colour=1.0)
+        rough = rough_parts(residuals)
+        white_um, _ = floor_from(measured, rough, 1.0)
         if self._whitest is None or white_um < self._whitest[0]:
-            self._whitest = (white_um, records, residuals)
-        self.noise_um, self.noise_origin = noise_floor(
-            quiet, *self._whitest[1:], colour=self._colour
-        )
+            self._whitest = (white_um, measured, rough)
+        self.noise_um, self.noise_origin = floor_from(*self._whitest[1:], self._colour)
+
+    def _measured(self) -> tuple[tuple[Record, ...], MeasuredNoise]:
+        """The records that are fitted and judged, and their noise without a model."""
+        parts = self.setting.train, self.setting.validation
+        if self._pooled is None or any(
+            a is not b for a, b in zip(self._pooled[0], parts, strict=True)
+        ):
+            # a record of which a part is held out is one record
+            whole: dict[str, Record] = {}
+            for r in (*parts[0], *parts[1]):
+                other = whole.get(r.name, r)
+                whole[r.name] = replace(r, error_mask=r.error_mask | other.error_mask)
+            records = tuple(whole.values())
+            self._pooled = parts, records, measured_noise(self.still, records)
+        return self._pooled[1:]
 
     def base(self, given: PlantModel[Any] | None) -> State:
         """Refit the base model, with the core and the effects that a given model has."""

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.features.cycles import half_cycles
-from rdpi_gym.diagnosis.features.noise import flattened
 from rdpi_gym.diagnosis.features.recurrence import Recurrence, Trace, recurrence, unrepeated_um2
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.results import Left
@@ -34,7 +33,7 @@ FOLLOWS = 0.3
 FOUND = 0.05
 """Share above which something was found that follows from the input."""
 _UNSURE = 0.1  # a lower end so far below what was predicted is no answer yet
-_QUIET_PIECES, _FEWEST_QUIET = 8, 64
+_QUIET_PIECES = 8
 # The noise may be so many times its estimate before what exceeds it is called a disturbance.
 _DOUBT = 1.1
 # Degrees of what is taken to follow the clock: one for every four strokes of the command.
@@ -63,7 +62,7 @@ def remainder(
     scale: DataScale,
     noise_um: float,
     numerical_um: float = 0.0,
-    quiet: Sequence[Record] = (),
+    still: Sequence[tuple[Array, str]] = (),
 ) -> Remainder:
     """Split what the final model leaves into what follows from the input and what does not.
 
@@ -112,7 +111,7 @@ def remainder(
     again, again_low = 0.0, 0.0
     if found is not None and not _have_other_inputs(records):
         again, again_low = _found_again(found, excess, most, numerical_um**2)
-    disturbed, origin = _disturbed(traces, quiet, noise_um**2, (excess, most))
+    disturbed, origin = _disturbed(traces, still, noise_um**2, (excess, most))
     low = min(max(learned_low, again_low, 0.0), 1.0)
     high = max(1.0 - disturbed, 0.0)
     low, high = min(low, high), max(low, high)
@@ -241,7 +240,7 @@ def _repeats(found: Recurrence, noise_um: float) -> float:
 
 def _disturbed(
     traces: Sequence[Trace],
-    quiet: Sequence[Record],
+    still: Sequence[tuple[Array, str]],
     noise_um2: float,
     excess_um2: tuple[float, float],
 ) -> tuple[float, str]:
@@ -250,8 +249,7 @@ def _disturbed(
     The excess is given with the upper end of its interval (µm²).
     """
     tests = [(unrepeated_um2(traces), "repetitions")]
-    still = [flattened(record) for record in quiet if len(record.y_um) >= _FEWEST_QUIET]
-    pieces = [float(np.mean(p**2)) for y in still for p in np.array_split(y, _QUIET_PIECES)]
+    pieces = [float(np.mean(p**2)) for y, _ in still for p in np.array_split(y, _QUIET_PIECES)]
     tests.append((np.array(pieces), "stage"))
     excess, most = excess_um2
     noise_um2 *= _DOUBT**2

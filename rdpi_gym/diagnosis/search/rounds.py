@@ -77,13 +77,14 @@ class Rounds(Refitting):
             Trial(kind, state.effects, start)
             for kind, start in zip(kinds.values(), starts, strict=True)
         ]
+        bare = self._bare(state)
         try:
-            begun = self.setting.first_steps(self._plays(state), state.effects, 0)
+            begun = bare.begun
         except NO_FIT as error:
             self.say(template("nothing tried", error=error))
             return []
         least_um = self._least_um(begun)
-        simple = self._refit(state, [*new, *better_forms(state.effects, scale)], task, least_um)
+        simple = self._refit(bare, [*new, *better_forms(state.effects, scale)], task, least_um)
         leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
         for before, moved in zip(simple, leaders, strict=False):
             if moved is not before:
@@ -98,7 +99,7 @@ class Rounds(Refitting):
             if missed(self.setting, state.outcome, self._openings, self.noise_um):
                 suspects = suspects | {"initial_memory"}
             trials = further_forms(state.outcome, others, kinds, state.effects, scale, suspects)
-            outcomes += self._refit(state, trials, f"forms {task}", least_um)
+            outcomes += self._refit(bare, trials, f"forms {task}", least_um)
             self._floor_from(sorted(outcomes, key=lambda o: o.mean_square))
         tried = [*kinds.values(), *(type(e) for e in state.effects)]
         best = in_best_form(outcomes, self.noise_um)

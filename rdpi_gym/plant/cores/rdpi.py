@@ -175,7 +175,7 @@ class RDPI(ThresholdCore):
 
     def with_gains(self, gains: Sequence[float]) -> RDPI:
         """Return the model with other weights (µm/V); a_0 stays above zero."""
-        first, *others = (max(float(gain), 0.0) for gain in gains)
+        first, *others = [0.0 if gain < 0.0 else gain for gain in map(float, gains)]
         least = first or _LEAST_A0 * max(math.fsum(others), _LEAST_A0)
         return self._moved((least, *others), self.delta2_s)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar, Self
 
 import numpy as np
@@ -37,14 +38,22 @@ def along_curve(time: float, p: Array, b: int) -> float:
     return float(p[row, b] + share * bent)
 
 
+@cache
+def _bending(count: int) -> Array:
+    """Matrix of the inner second derivatives of a natural cubic spline through `count` points."""
+    return np.asarray(np.eye(count, k=-1) + 4.0 * np.eye(count) + np.eye(count, k=1))
+
+
 def natural_cubics(values: Sequence[float]) -> Array:
     """Return the natural cubic spline from 0 through values that are one interval apart."""
     z, n = np.array([0.0, *values]), len(values)
-    steps, bends = np.diff(z), np.zeros(n + 1)
-    inner = np.eye(n - 1, k=-1) + 4.0 * np.eye(n - 1) + np.eye(n - 1, k=1)
-    bends[1:-1] = np.linalg.solve(inner, 6.0 * np.diff(steps))
+    steps, bends = z[1:] - z[:-1], np.zeros(n + 1)
+    bends[1:-1] = np.linalg.solve(_bending(n - 1), 6.0 * (steps[1:] - steps[:-1]))
     slopes = steps - (2.0 * bends[:-1] + bends[1:]) / 6.0
-    return np.stack([z[:-1], slopes, bends[:-1] / 2.0, np.diff(bends) / 6.0], axis=1)
+    cubics = np.empty((n, 4))
+    cubics[:, 0], cubics[:, 1], cubics[:, 2] = z[:-1], slopes, bends[:-1] / 2.0
+    cubics[:, 3] = (bends[1:] - bends[:-1]) / 6.0
+    return cubics
 
 
 def at_knots(
