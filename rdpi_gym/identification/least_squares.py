@@ -361,7 +361,7 @@ def signed_least_squares(
         for j in range(n, k):
             both[i, j] = -sign * gram[a, turned[j - n]]
     found, _ = bounded_least_squares(both, right, allowed, floor, guess)
-    x = found[:n].copy()
+    x: Array = found[:n].copy()
     for i in range(n, k):
         x[turned[i - n]] -= found[i]
     return x
