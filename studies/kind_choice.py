@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, turning
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.plants import choose, fit_kinds, turning
 from rdpi_gym.identification.kinds import choose_kind
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.measurement.record import Role

@@ -23,12 +23,12 @@ import pandas as pd
 
 from baselines.extended import ExtendedInverse
 from benchmarks.effect_discovery.protocols import Drive, between
+from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
-from rdpi_gym.diagnosis.search.forms import in_best_form
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.plants import plant_of
+from rdpi_gym.diagnosis.search.ranking import in_best_form
 from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.search.residual_share import remainder
 from rdpi_gym.envs.layout import ObservationLayout

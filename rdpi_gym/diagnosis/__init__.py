@@ -1,6 +1,5 @@
 """Model error by properties of the command."""
 
-from rdpi_gym.diagnosis.comparison.breakdown import Plane
 from rdpi_gym.diagnosis.comparison.compare import (
     MOST_MODELS,
     Comparison,
@@ -9,7 +8,7 @@ from rdpi_gym.diagnosis.comparison.compare import (
     compare_several,
 )
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
-from rdpi_gym.diagnosis.comparison.traces import Trace
+from rdpi_gym.diagnosis.comparison.traces import Plane, Trace
 from rdpi_gym.diagnosis.features.cycles import HalfCycles, half_cycles
 
 __all__ = [

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rdpi_gym.diagnosis.notices import Notice, statement
-from rdpi_gym.diagnosis.portrait.portrait import Portrait
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.portrait import Portrait
+from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.words import headline, request_of, sized, text_of
 from rdpi_gym.measurement import Quantities

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias, overload
 import numpy as np
 
 from rdpi_gym import diagnosis, measurement
-from rdpi_gym.diagnosis.search.inspection import Inspection, Response
+from rdpi_gym.diagnosis.search.discover import Inspection, Response
 from rdpi_gym.diagnosis.search.plants import Refit
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import as_dataset, in_words_of

@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.checks import Check
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
 from rdpi_gym.support.documents import Documents

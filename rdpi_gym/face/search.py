@@ -13,9 +13,9 @@ import pandas as pd
 
 from rdpi_gym import measurement
 from rdpi_gym.diagnosis import results
-from rdpi_gym.diagnosis.portrait.portrait import Portrait
+from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.search import discover as searches
-from rdpi_gym.diagnosis.search.core_choice import AUTO
+from rdpi_gym.diagnosis.search.plants import AUTO
 from rdpi_gym.face.catalogues import HasPlant, as_plant
 from rdpi_gym.face.data import Dataset, as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.diagnosis.comparison.residual_views import Profile, ResidualProfiles, view_trace
+from rdpi_gym.diagnosis.comparison.traces import Profile, ResidualProfiles, view_trace
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, View
 from rdpi_gym.report.chart import (
     Axis,

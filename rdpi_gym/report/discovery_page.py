@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
-from rdpi_gym.diagnosis.comparison.traces import Trace
+from rdpi_gym.diagnosis.comparison.traces import Trace, residual_profiles, view_trace
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step, View
 from rdpi_gym.measurement.quantities import in_output, template_of, unit_template

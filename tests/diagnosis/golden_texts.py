@@ -13,14 +13,13 @@ from typing import Any, cast
 import numpy as np
 
 from benchmarks.tracking.episode import Caution
-from rdpi_gym.diagnosis import words
+from rdpi_gym.diagnosis import preprocessing, words
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.notices import Code, Notice
-from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value, experiment_for, sentences_of
-from rdpi_gym.diagnosis.preprocessing import inspection
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value, experiment_for, sentences_of
+from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors
-from rdpi_gym.diagnosis.search import core_choice, record_clocks, record_starts, verdict
+from rdpi_gym.diagnosis.search import plants, record_clocks, verdict
 from rdpi_gym.diagnosis.search.separability import next_experiment, what_to_measure
 from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.diagnosis.suitability import limits, unrelated
@@ -116,17 +115,17 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
     lone[7] = True
     wish = record_clocks.Wish
     made: dict[str, Finding] = {
-        "spike": inspection._spikes(one, lone, 31.4),
-        "spikes": inspection._spikes(one, few, 7.77),
-        "clipped": inspection._clipped(one, few),
-        "dropout": inspection._silent(one, "dropout", few),
-        "frozen": inspection._silent(one, "frozen", few),
-        "command lost": inspection._clipped_command(one, few, None),
-        "command rebuilt": inspection._clipped_command(one, few, 0.1234),
-        "in motion": inspection._in_motion(one, few),
-        "unknown past": record_starts.unknown_past({"held": few}),
-        "unknown pasts": record_starts.unknown_past(dict.fromkeys("abcde", few)),
-        "outliers": record_starts.outliers_left("held", few),
+        "spike": preprocessing._spikes(one, lone, 31.4),
+        "spikes": preprocessing._spikes(one, few, 7.77),
+        "clipped": preprocessing._clipped(one, few),
+        "dropout": preprocessing._silent(one, "dropout", few),
+        "frozen": preprocessing._silent(one, "frozen", few),
+        "command lost": preprocessing._clipped_command(one, few, None),
+        "command rebuilt": preprocessing._clipped_command(one, few, 0.1234),
+        "in motion": preprocessing._in_motion(one, few),
+        "unknown past": record_clocks.unknown_past({"held": few}),
+        "unknown pasts": record_clocks.unknown_past(dict.fromkeys("abcde", few)),
+        "outliers": record_clocks.outliers_left("held", few),
         "lag": record_clocks._said(one, {"delay": wish(0.00123, 1e-5, 0.1)}),
         "lead": record_clocks._said(one, {"delay": wish(-0.00123, 1e-5, 0.1)}),
         "stretch": record_clocks._said(one, {"scale": wish(0.693, 1e-3, 0.1)}),
@@ -136,7 +135,7 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
     for shift in (-3, 4):
         moved = {n: record(u, n, y_um=np.roll(u, shift)) for n in "abcd"}
         masks = {n: np.zeros(4000, dtype=bool) for n in "abcd"}
-        for k, finding in enumerate(inspection._clocks(moved, masks, set())):
+        for k, finding in enumerate(preprocessing._clocks(moved, masks, set())):
             made[f"clock {shift} {k}"] = finding
     for name, finding in made.items():
         said = replace(finding, quantities=q)
@@ -151,7 +150,7 @@ def _advice(q: Quantities) -> Iterator[tuple[str, Any]]:
         ("rdpi", ("stop",)), ("rdpi", ("bouc_wen", "duhem")), ("bouc_wen", ("dahl",)),
         ("stop", ("rdpi", "lugre", "dahl")), ("preisach", ("stop",)),
     ):  # fmt: skip
-        found = core_choice._experiment(CORES[kind], [CORES[o] for o in others])
+        found = plants._experiment(CORES[kind], [CORES[o] for o in others])
         yield f"kinds {kind} {others}", _played(found, q)
     creep, lag = CATALOGUE["creep"](), CATALOGUE["actuator_lag"]()
     for made in ((), ("triangle-slow", "stairs", "multisine-small")):

@@ -10,14 +10,14 @@ from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.ranking import LEAST_STABLE, splits, stability
-from rdpi_gym.diagnosis.search.record_starts import (
+from rdpi_gym.diagnosis.search.record_clocks import (
     leaving_out,
     misleading,
     missed,
     unknown_past,
 )
+from rdpi_gym.diagnosis.search.rounds import MOST_UNSEEN, capped, hear
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
-from rdpi_gym.diagnosis.search.vetoes import MOST_UNSEEN, capped, hear
 from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.scale import data_scale

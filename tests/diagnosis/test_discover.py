@@ -12,7 +12,7 @@ from rdpi_gym.diagnosis.search import model_search
 from rdpi_gym.diagnosis.search.candidates import refit
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
-from rdpi_gym.diagnosis.search.record_starts import leaving_out
+from rdpi_gym.diagnosis.search.record_clocks import leaving_out
 from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.measurement import Dataset, Record

@@ -9,7 +9,7 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.diagnosis.search import discover as diagnosis
-from rdpi_gym.diagnosis.search.core_choice import on_comb
+from rdpi_gym.diagnosis.search.plants import on_comb
 from rdpi_gym.identification import joint
 from rdpi_gym.identification.cores import fit_core
 from rdpi_gym.identification.kinds import choose_kind

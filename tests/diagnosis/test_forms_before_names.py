@@ -9,7 +9,7 @@ import pytest
 from rdpi_gym.diagnosis.results import Errors
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form
+from rdpi_gym.diagnosis.search.ranking import better_forms, in_best_form
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.residuals import PIECES

@@ -8,7 +8,7 @@ import pytest
 from rdpi_gym.cli import main
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.comparison.compare import compare
-from rdpi_gym.diagnosis.features.rests import find_rests
+from rdpi_gym.diagnosis.features.recurrence import find_rests
 from rdpi_gym.measurement import Dataset, Record, write_csv
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import rdpi_gym as rg
+from rdpi_gym.diagnosis.preprocessing import inspect, opening
 from rdpi_gym.diagnosis.preprocessing.command import rebuilt_command
-from rdpi_gym.diagnosis.preprocessing.inspection import inspect, opening
 from rdpi_gym.diagnosis.suitability import limits
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Record

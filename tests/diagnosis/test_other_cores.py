@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.results import SearchResult
-from rdpi_gym.diagnosis.search.core_choice import choose, fit_kinds, instead, simpler
 from rdpi_gym.diagnosis.search.discover import add_effect, discover
+from rdpi_gym.diagnosis.search.plants import choose, fit_kinds, instead, simpler
 from rdpi_gym.diagnosis.search.refitting import setting_of
 from rdpi_gym.identification.kinds import orientation
 from rdpi_gym.measurement import Dataset, Record

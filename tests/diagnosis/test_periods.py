@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rdpi_gym.diagnosis import half_cycles
 from rdpi_gym.diagnosis.features.cycles import harmonics, orders_off_mains, steady_periods
-from rdpi_gym.diagnosis.features.rests import find_rests
+from rdpi_gym.diagnosis.features.recurrence import find_rests
 from rdpi_gym.measurement import Record
 from tests.looping import over
 

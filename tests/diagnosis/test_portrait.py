@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.effect_discovery.plants import Foreign
 from benchmarks.effect_discovery.protocols import Drive
+from rdpi_gym.diagnosis.portrait import Portrait, sentences_of
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.portrait import Portrait, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.words import in_words

@@ -8,7 +8,7 @@ import pytest
 
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.notices import Code
-from rdpi_gym.diagnosis.preprocessing.inspection import inspect
+from rdpi_gym.diagnosis.preprocessing import inspect
 from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.model_search import ModelSearch

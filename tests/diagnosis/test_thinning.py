@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
-from rdpi_gym.diagnosis.search import thinning
+from rdpi_gym.diagnosis import suitability
+from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
-from rdpi_gym.diagnosis.search.thinning import close_up, thinned
+from rdpi_gym.diagnosis.suitability import close_up, thinned
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
 from rdpi_gym.measurement import Dataset, Record
@@ -37,7 +37,7 @@ def _record(name: str, samples: int, ts_s: float, hz: float, seed: int = 0) -> R
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search reads twelve thousand samples where there are twice as many."""
-    monkeypatch.setattr(thinning, "SEARCH_MOST", 12_000)
+    monkeypatch.setattr(suitability, "SEARCH_MOST", 12_000)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,7 @@ def test_what_was_left_out_is_left_out_of_all_samples(oversampled: Dataset) -> N
 def test_a_stretch_is_where_most_happens_and_knows_its_history() -> None:
     t = np.arange(40_000) * 1e-3
     u = np.where(t < 16.0, 0.1, 1.0) * 10.0 * np.sin(2.0 * np.pi * 3.0 * t)
-    cut = thinning._stretch(Record("run", t, u, u, ts_s=1e-3), 8000)
+    cut = suitability._stretch(Record("run", t, u, u, ts_s=1e-3), 8000)
     # the first half of a stretch ahead of it holds the whole swing
     assert cut == slice(20_000, 28_000)
 
@@ -142,9 +142,9 @@ def test_close_ups_keep_the_sampling(oversampled: Dataset) -> None:
 
 
 def test_small_records_leave_their_samples_to_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(thinning, "SEARCH_MOST", 100_000)
+    monkeypatch.setattr(suitability, "SEARCH_MOST", 100_000)
     sizes = [10_000, 30_000, 90_000, 200_000]
-    assert thinning._room(sizes) == 30_000
+    assert suitability._room(sizes) == 30_000
     assert sum(min(size, 30_000) for size in sizes) == 100_000
 
 

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.comparison.residual_views import residual_profiles, view_trace
+from rdpi_gym.diagnosis.comparison.traces import residual_profiles, view_trace
 from rdpi_gym.diagnosis.notices import Code, Notice
-from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value
+from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
 from rdpi_gym.diagnosis.words import text_of

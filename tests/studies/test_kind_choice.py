@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search import core_choice
+from rdpi_gym.diagnosis.search import plants
 from rdpi_gym.identification import kinds
 from rdpi_gym.plant import CORES
 from studies import kind_choice
@@ -47,7 +47,7 @@ def test_a_row_says_what_was_chosen_and_the_table_counts_it(monkeypatch):
 
 def test_a_search_prefers_no_other_core_where_rdpi_is_right(monkeypatch):
     few = {name: CORES[name] for name in ("rdpi", "duhem")}
-    monkeypatch.setattr(core_choice, "CORES", few)
+    monkeypatch.setattr(plants, "CORES", few)
     case = kind_choice.quiet_cases(2, 0)[1]
     assert (case.kind, case.effect, case.protocol) == ("rdpi", "", kind_choice.PROTOCOLS[1])
     row = kind_choice.run_quiet(case, "code")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rdpi_gym.diagnosis.portrait.portrait import Portrait, Value
+from rdpi_gym.diagnosis.portrait import Portrait, Value
 from studies.portrait_plants import PROTOCOLS, SORTS, measured
 from studies.portraits import answers, cases, main, report
 from tests.looping import over

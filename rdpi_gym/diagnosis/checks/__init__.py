@@ -6,10 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.checks.branches import initial_memory, saturation
 from rdpi_gym.diagnosis.checks.check import Check, Zone
 from rdpi_gym.diagnosis.checks.drift import holds, repeats
-from rdpi_gym.diagnosis.checks.loops import closed_loops, congruency, gain_over_amplitude, rate_law
+from rdpi_gym.diagnosis.checks.loops import (
+    closed_loops,
+    congruency,
+    gain_over_amplitude,
+    initial_memory,
+    rate_law,
+    saturation,
+)
 from rdpi_gym.diagnosis.checks.recording import (
     clipping,
     clocks,
@@ -21,7 +27,7 @@ from rdpi_gym.diagnosis.checks.recording import (
 from rdpi_gym.diagnosis.checks.steady_periods import half_wave, small_signal
 from rdpi_gym.diagnosis.features.cycles import half_cycles, steady_periods
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.features.rests import find_rests
+from rdpi_gym.diagnosis.features.recurrence import find_rests
 from rdpi_gym.measurement import Dataset, Record, longest_counted
 
 __all__ = ["Check", "Zone", "run_checks"]

@@ -10,8 +10,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
 from rdpi_gym.diagnosis.features.cycles import Periods
-from rdpi_gym.diagnosis.features.recurrence import same_command, wiped_from
-from rdpi_gym.diagnosis.features.rests import Rest
+from rdpi_gym.diagnosis.features.recurrence import Rest, same_command, wiped_from
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array

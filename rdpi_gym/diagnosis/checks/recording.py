@@ -9,11 +9,9 @@ from typing import Literal
 import numpy as np
 
 from rdpi_gym.diagnosis.checks.check import Check, Zone, cannot_tell, zone_of
-from rdpi_gym.diagnosis.features.cycles import HalfCycles, Periods
+from rdpi_gym.diagnosis.features.cycles import HalfCycles, Periods, smallest_step
 from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.features.recurrence import same_command
-from rdpi_gym.diagnosis.features.rests import Rest
-from rdpi_gym.diagnosis.features.samples import smallest_step
+from rdpi_gym.diagnosis.features.recurrence import Rest, same_command
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis.checks import Check, run_checks
-from rdpi_gym.diagnosis.comparison import breakdown, findings
-from rdpi_gym.diagnosis.comparison.breakdown import Plane
+from rdpi_gym.diagnosis.comparison import findings
+from rdpi_gym.diagnosis.comparison import traces as tables
 from rdpi_gym.diagnosis.comparison.error_views import (
     clock_finding,
     clock_table,
@@ -25,10 +25,10 @@ from rdpi_gym.diagnosis.comparison.error_views import (
     spectrum_table,
 )
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
-from rdpi_gym.diagnosis.comparison.traces import Trace, fitted_extremum_V, trace
+from rdpi_gym.diagnosis.comparison.traces import Plane, Trace, fitted_extremum_V, trace
 from rdpi_gym.diagnosis.features.noise import noise_floor
 from rdpi_gym.diagnosis.notices import Statement, statement
-from rdpi_gym.diagnosis.preprocessing.inspection import Inspected, inspect
+from rdpi_gym.diagnosis.preprocessing import Inspected, inspect
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Quantities, Record, stated_quantities
 from rdpi_gym.plant import PlantModel
@@ -50,7 +50,7 @@ class Comparison:
     traces
         The records, sample by sample: training, validation, test.
     records, by_frequency, by_amplitude, by_direction, by_command
-        Tables of the error; see :mod:`rdpi_gym.diagnosis.comparison.breakdown`.
+        Tables of the error; see :mod:`rdpi_gym.diagnosis.comparison.traces`.
     plane
         Mean residual over command and rate.
     spectrum, distortion, since_rest, clock
@@ -210,11 +210,11 @@ def _compared(
     floor, origin = noise_floor(
         dataset.quiet, list(unique.values()), [each.residual_um[each.counted] for each in traces]
     )
-    table = breakdown.record_table(traces, floor)
-    samples = breakdown.sample_table(traces)
-    frequency, amplitude = breakdown.by_frequency(samples), breakdown.by_amplitude(samples)
-    directions, command = breakdown.by_direction(samples), breakdown.by_command(samples)
-    plane = breakdown.plane(samples)
+    table = tables.record_table(traces, floor)
+    samples = tables.sample_table(traces)
+    frequency, amplitude = tables.by_frequency(samples), tables.by_amplitude(samples)
+    directions, command = tables.by_direction(samples), tables.by_command(samples)
+    plane = tables.plane(samples)
     spectrum, distortion = spectrum_table(traces, floor), distortion_table(traces)
     rests, clock = since_rest_table(traces), clock_table(traces)
     rmse_um = findings.rms_over(table)

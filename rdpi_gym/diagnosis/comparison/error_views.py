@@ -16,10 +16,10 @@ from rdpi_gym.diagnosis.features.cycles import (
     Periods,
     counted_periods,
     harmonics,
+    longest_run,
     steady_periods,
 )
-from rdpi_gym.diagnosis.features.rests import Rest, find_rests
-from rdpi_gym.diagnosis.features.samples import longest_run
+from rdpi_gym.diagnosis.features.recurrence import Rest, find_rests
 from rdpi_gym.diagnosis.notices import Statement, statement
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array

@@ -9,8 +9,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import pandas as pd
 
-from rdpi_gym.diagnosis.comparison.breakdown import Plane
-from rdpi_gym.diagnosis.comparison.traces import Trace
+from rdpi_gym.diagnosis.comparison.traces import Plane, Trace
 from rdpi_gym.diagnosis.notices import Statement, statement
 
 Row: TypeAlias = dict[Any, Any]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.diagnosis.notices import statement
-from rdpi_gym.diagnosis.portrait.portrait import Kin, Portrait, Value, experiment_for, sentences_of
+from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value, experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import SAMPLES, Tried, learn, shares, try_all
 from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.words import template

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.features.samples import BoolArray, runs
+from rdpi_gym.diagnosis.features.cycles import BoolArray, runs
 from rdpi_gym.identification.least_squares import bounded_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.duhem import Duhem

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rdpi_gym.diagnosis.features.noise import rough_part
-from rdpi_gym.diagnosis.features.samples import (
+from rdpi_gym.diagnosis.features.cycles import (
     BoolArray,
     bridged,
     gain,
@@ -15,6 +14,7 @@ from rdpi_gym.diagnosis.features.samples import (
     smallest_step,
     widened,
 )
+from rdpi_gym.diagnosis.features.noise import rough_part
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.arrays import Array
 

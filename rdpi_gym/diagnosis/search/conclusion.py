@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym.diagnosis.notices import Code, Notice, statement
-from rdpi_gym.diagnosis.portrait.portrait import Portrait
+from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.probability import Probabilities, probabilities
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
 from rdpi_gym.diagnosis.search.candidates import assess
@@ -22,9 +22,9 @@ from rdpi_gym.diagnosis.search.plants import plant_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
 from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.search.residual_share import FOUND, remainder
+from rdpi_gym.diagnosis.search.rounds import capped
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects, what_to_measure
 from rdpi_gym.diagnosis.search.verdict import Judgement, judge
-from rdpi_gym.diagnosis.search.vetoes import capped
 from rdpi_gym.diagnosis.words import in_words, template, text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import JointFit

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.features.samples import runs
+from rdpi_gym.diagnosis.features.cycles import runs
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.plant.effects.base import DataScale

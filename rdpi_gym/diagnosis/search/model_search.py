@@ -7,28 +7,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import assess, refit
-from rdpi_gym.diagnosis.search.core_choice import on_comb
-from rdpi_gym.diagnosis.search.forms import better_forms, in_best_form, simplified
-from rdpi_gym.diagnosis.search.plants import in_few_numbers
+from rdpi_gym.diagnosis.search.plants import in_few_numbers, on_comb
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
     LEAST_STABLE,
     SETTLED_GAIN,
+    better_forms,
+    in_best_form,
     in_blocks,
     not_missed,
     of_effect,
     own_bounds,
     rank,
+    simplified,
     stability,
 )
-from rdpi_gym.diagnosis.search.record_starts import leaving_out, misleading, missed, unknown_past
+from rdpi_gym.diagnosis.search.record_clocks import leaving_out, misleading, missed, unknown_past
 from rdpi_gym.diagnosis.search.refitting import State, setting_of
 from rdpi_gym.diagnosis.search.rounds import Rounds, of_class
 from rdpi_gym.diagnosis.search.separability import typical_effects

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym.diagnosis.checks import run_checks
+from rdpi_gym.diagnosis.features.cycles import BoolArray
 from rdpi_gym.diagnosis.features.noise import (
     MeasuredNoise,
     floor_from,
@@ -19,11 +20,9 @@ from rdpi_gym.diagnosis.features.noise import (
     rough_parts,
     slowness,
 )
-from rdpi_gym.diagnosis.features.samples import BoolArray
 from rdpi_gym.diagnosis.notices import statement
+from rdpi_gym.diagnosis.preprocessing import Finding, inspect
 from rdpi_gym.diagnosis.preprocessing.faults import spikes
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
-from rdpi_gym.diagnosis.preprocessing.inspection import inspect
 from rdpi_gym.diagnosis.results import CoreChoice
 from rdpi_gym.diagnosis.search.candidates import (
     Bare,
@@ -36,30 +35,38 @@ from rdpi_gym.diagnosis.search.candidates import (
     refit_all,
 )
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
-from rdpi_gym.diagnosis.search.core_choice import (
+from rdpi_gym.diagnosis.search.plants import (
     AUTO,
     Fitted,
+    OnCandidate,
     begun,
     choose,
     fit_kinds,
     instead,
     on_comb,
+    refit_of,
     simpler,
     turning,
 )
-from rdpi_gym.diagnosis.search.plants import OnCandidate, refit_of
 from rdpi_gym.diagnosis.search.ranking import AT_FLOOR
-from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.search.record_starts import (
+from rdpi_gym.diagnosis.search.record_clocks import (
     leaving_out,
     misleading,
     outliers_left,
+    record_clocks,
     unknown_past,
 )
 from rdpi_gym.diagnosis.search.separability import RATE, separability, typical_effects
-from rdpi_gym.diagnosis.search.thinning import close_up, thinned
 from rdpi_gym.diagnosis.search.verdict import EXPLAINED, NumericalFloor, numerical_floor
-from rdpi_gym.diagnosis.suitability import falls, limits, one_size, turned, unrelated
+from rdpi_gym.diagnosis.suitability import (
+    close_up,
+    falls,
+    limits,
+    one_size,
+    thinned,
+    turned,
+    unrelated,
+)
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rdpi_gym.diagnosis.notices import Code, Notice
-from rdpi_gym.diagnosis.preprocessing.finding import Finding
+from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
 from rdpi_gym.measurement import Record
