@@ -88,7 +88,7 @@ def _fill_tangents(
     by3: Array,
     rows: Array,
 ) -> tuple[int, int]:
-    """As :func:`_fill`, with the tangents; `by` holds dξ_i by δ1, δ2 and the extremum."""
+    """As :func:`_fill`, with the tangents; `by1` ... `by3` hold dξ_i by δ1, δ2 and the extremum."""
     n = rows.shape[1] - 6
     remembers = True  # until no play stands where the extremum left it
     k = 0
