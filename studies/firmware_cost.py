@@ -25,7 +25,7 @@ from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.plant.effects import Effect, load_effect
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from studies.bare_metal import BOARDS, COMPILER, EMULATOR, cost, missing, write_sources

@@ -22,7 +22,7 @@ import pandas as pd
 
 from baselines.inverses.base import INVERSES
 from baselines.registry import CONTROLLERS
-from rdpi_gym.envs.tasks.whole_stage import STAGE
+from rdpi_gym.envs.tasks.stages import STAGE
 from rdpi_gym.firmware.making import package_of
 from rdpi_gym.firmware.verify import verify
 from rdpi_gym.firmware.writing.package import write_package

@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.controller import Correction
 from rdpi_gym.envs.layout import DEFAULT_FIELDS, ActionMode, ObservationLayout
-from rdpi_gym.envs.references import (
+from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
+from rdpi_gym.envs.truth import (
+    PLANT_OPTIONS,
     FrequencyChoice,
+    PlantChoice,
     ReferenceChoice,
     ReferenceSource,
+    TruthSource,
+    choose_plant,
     frequency_bounds,
     reference_choices,
 )
-from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
-from rdpi_gym.envs.truth import PLANT_OPTIONS, PlantChoice, TruthSource, choose_plant
 from rdpi_gym.envs.unit_box import UnitBox
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Signal

@@ -17,7 +17,7 @@ from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.parameters import Parameter
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import digits, quoted
