@@ -111,7 +111,7 @@ def test_the_bar_of_a_card_is_the_removed_share_whatever_another_refit_leaves(be
     assert bar_share(page, "asymmetry") == pytest.approx(0.07, abs=0.01)
     assert bar_share(page, "hum") == 0.0
     text = page.get_by_test_id("card-creep").inner_text()
-    assert "removes 81 % of the squared error" in text
+    assert "removes 81 % of the squared error above noise" in text
     page.get_by_test_id("spare").click()
 
 

@@ -9,7 +9,7 @@ import {setUi, store, units, watch} from "./state.js";
 const MOVE_MS = 220;
 const HELD_MS = 1500; // no card moves away from under a pointer that has just moved
 const PREVIEW_MS = 90;
-const LEAST = 0.005; // of the squared error above the noise
+const LEAST = 0.005; // of the squared error above noise
 const SOME = 0.05; // of it: less is no reason to be sure of anything
 const NAMED = 2; // of rivals; all of them stand behind "More"
 
@@ -160,7 +160,7 @@ function fillCard(node, card) {
         "aria-label": `Add ${card.title}${known ? `, error with it ${withUnit(card.validation_um, y)}` : ""}`,
         onclick: () => add(card.effect),
       }, "Add") : ""),
-    advice(card) ? h("p", {class: "advice", title: "Of the squared error above the noise floor"}, advice(card)) : "",
+    advice(card) ? h("p", {class: "advice"}, advice(card)) : "",
     h("p", {class: "mechanism"}, card.mechanism),
     h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: `${100 * Math.min(1, Math.max(0, card.share ?? 0))}%`}})),
     has ? h("div", {class: "more", hidden: !open},
@@ -187,7 +187,7 @@ function sureness({probability, confidence, share, recommended, added, state}) {
 /** What it removes, whether the ranking advises it, and what these records cannot tell it from. */
 function advice({share, rivals, recommended}) {
   const parts = recommended ? ["advised"] : [];
-  if (share !== null && share !== undefined) parts.push(share > LEAST ? `removes ${percent(share)} of the squared error` : "removes nothing");
+  if (share !== null && share !== undefined) parts.push(share > LEAST ? `removes ${percent(share)} of the squared error above noise` : "removes nothing");
   if (rivals?.length) parts.push(`or ${listed(rivals.slice(0, NAMED).map(titled), rivals.length - NAMED)}`);
   return parts.join(" · ");
 }
