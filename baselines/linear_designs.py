@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from baselines.base import Observation, Rows, product
-from baselines.classical import ExtendedInverse
+from baselines.extended import ExtendedInverse
 from baselines.inverses.linear import PreviewFilter
 from baselines.loops import (
     FACTORS,

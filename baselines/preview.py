@@ -17,9 +17,9 @@ from baselines.classical import (
     ClassicalLowPassed,
     ClassicalReferenceRate,
     ClassicalStatic,
-    ExtendedInverse,
 )
 from baselines.core_inverse import CoreInverse
+from baselines.extended import ExtendedInverse
 from baselines.feedforward import Feedforward, StaticGain, checked_reference, nyquist_gain
 from baselines.inverses.linear import delay_weights, inverse_series, preview_weights
 from baselines.inversion_free import (

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.classical import ExtendedInverse
+from baselines.extended import ExtendedInverse
 from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.classical import ExtendedInverse
+from baselines.extended import ExtendedInverse
 from benchmarks.effect_discovery.protocols import Drive, between
 from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw

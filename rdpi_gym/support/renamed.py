@@ -18,7 +18,6 @@ _TABLE = """
 baselines.adaptive_dual_loop baselines.damping
 baselines.adaptive_inverse baselines.adaptive_feedforward
 baselines.believed baselines.core_inverse
-baselines.extended baselines.classical
 baselines.h_infinity baselines.linear_designs
 baselines.horizon baselines.model_predictive
 baselines.inverses.catalogue baselines.inverses.base

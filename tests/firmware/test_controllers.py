@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
-from baselines.classical import ExtendedInverse
+from baselines.extended import ExtendedInverse
 from baselines.inverses.base import inverse_of
 from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS

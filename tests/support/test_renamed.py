@@ -27,7 +27,6 @@ PUBLIC = {
     "baselines.adaptive_dual_loop": "AdaptiveDualLoop",
     "baselines.adaptive_inverse": "AdaptiveInverse",
     "baselines.believed": "hysteresis_inverse",
-    "baselines.extended": "ExtendedInverse",
     "baselines.h_infinity": "HInfinity",
     "baselines.horizon": "TrueHorizon",
     "baselines.inverses.catalogue": "inverse_of",
