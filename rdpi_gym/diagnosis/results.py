@@ -386,21 +386,34 @@ class SearchResult:
         """The candidates of the first round, best first."""
         return self.rounds[0] if self.rounds else ()
 
+    def certainty(self, candidate: Candidate) -> float:
+        """Probability of an effect (0 to 1); where none is known, of a diagnosis, its confidence."""
+        known = {} if self.probabilities is None else self.probabilities.effects
+        return known.get(candidate.effect, candidate.confidence)
+
     @property
     def headline(self) -> str:
         """The answer in one line: which effect, how large, error before and after, noise."""
-        known = {effect.name: effect for effect in self.plant.effects}
+        known = {effect.name: sized(effect) for effect in self.plant.effects}
         removal = self.kind == "removal"
         names = self.removed if removal else [c.effect for c in self.added]
         before = self.given if removal and self.given is not None else self.base
+        sure = {c.effect: self.certainty(c) for c in self.added}
+        # a confidence is that in the effect or a rival
+        rivals = {
+            c.effect: f" (or {joined(c.indistinguishable)})"
+            for c in self.added
+            if c.indistinguishable and self.probabilities is None and self.kind != "addition"
+        }
         said = headline(
             self.kind,
-            [sized(known[name]) if name in known else name for name in names],
+            {known.get(n, n) + rivals.get(n, ""): sure.get(n, 1.0) for n in names},
             (before.validation_rmse_um, self.final.validation_rmse_um),
             self.noise_floor_um,
             self.verdict,
             self.undecided,
             self.sampling if self.reservation is None else request_of(self.reservation),
+            1.0 if self.probabilities is None else self.probabilities.none,
         )
         return self.quantities.fill(said)
 

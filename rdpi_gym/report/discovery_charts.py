@@ -199,7 +199,7 @@ def _certainty_dots(candidates: Sequence[Candidate]) -> list[Series]:
     """Return confidence and share of each candidate; values far outside are at the edge."""
     dots = (
         ("confidence", "circle", PALETTE[0], [100.0 * c.confidence for c in candidates]),
-        ("share of the excess gone", "diamond-open", INK, [100.0 * c.share for c in candidates]),
+        ("share removed", "diamond-open", INK, [100.0 * c.share for c in candidates]),
     )
     return [
         Series(

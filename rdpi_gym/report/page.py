@@ -184,7 +184,7 @@ _POLICY = (
 
 @dataclass(frozen=True)
 class Section:
-    """One section of a page: what is seen, in words, and the figure or table that shows it."""
+    """One section of a page: a figure, what it shows, in words below it, and a table."""
 
     title: str  # in the table of contents too
     # plain text, escaped: a blank line begins a paragraph, lines that begin with "- " are a list
@@ -251,7 +251,7 @@ def _in_json(word: str) -> str:
 def _section_html(
     name: str, section: Section, numbers: Iterator[int], drawn: Callable[[str], str]
 ) -> str:
-    body = [f"<h2>{escape(section.title)}</h2>\n", _prose(section.text)]
+    body = [f"<h2>{escape(section.title)}</h2>\n"]
     figure = section.figure
     if isinstance(figure, Mapping):
         body.append(_choice_html(figure, section.title, numbers, drawn))
@@ -259,6 +259,7 @@ def _section_html(
         body += [_figure_html(f"f{next(numbers)}", each, drawn) for each in figure]
     elif figure is not None:
         body.append(_figure_html(f"f{next(numbers)}", figure, drawn))
+    body.append(_prose(section.text))
     if section.table is not None:
         body.append(table_html(section.table))
     return f'<section id="{name}">{"".join(body)}</section>\n'
