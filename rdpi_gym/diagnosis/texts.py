@@ -606,8 +606,8 @@ RECORDS: Mapping[str, str] = {
     "in motion": _OF
     + "lie before the command has passed both of its extremes: the record begins in "
     "motion, and what came before it is unknown.",
-    "unknown past": "{samples} of {whole} samples at the beginning of {records} left out: they hang on "
-    "a history that nobody recorded.",
+    "unknown past": "{samples} of {whole} samples at the beginning of {records} left out of the fit and of "
+    "the verdict, not of the errors: their history was not recorded.",
     "clock/lead by one": "{samples:~3} sample: by so much the {output} of {records} leads its command, "
     "which no plant does; it was moved later by that.",
     "clock/lead": "{samples:~3} samples: by so much the {output} of {records} leads its command, which "
@@ -650,8 +650,6 @@ SEARCH: Mapping[str, str] = {
     "simpler": "{effect} does not need the form {form}",
     "improbable": "{effect} was taken out again, as it is {percent:.0f} % probable: the validation error "
     "is {with_it:.4g} {output_unit} with it and {without:.4g} {output_unit} without",
-    "all beginnings": "with the beginnings that were left out the validation error is {error:.4g} "
-    "{output_unit}",
     "no portrait": "no portrait of what is missing could be drawn: {error}",
     "no refit": "a refit of the model {remark}; it stays where it was",
     "other core": "the core {core} with its own effects leaves {its:.4g} {output_unit} held out, "

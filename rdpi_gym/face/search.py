@@ -167,7 +167,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
                         "confidence": c.confidence,
                         "indistinguishable": ", ".join(c.indistinguishable),
                     }
-                    for c in self.candidates
+                    for c in self.ranking
                 ]
             )
         floor = self.noise_floor_um
@@ -204,7 +204,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
                     "indistinguishable from": ", ".join(c.indistinguishable),
                     "remarks": "; ".join(c.remarks),
                 }
-                for c in self.candidates
+                for c in self.ranking
             ]
             return self._table_in_units(pd.DataFrame(rows), "validation")
         floor = self.noise_floor_um

@@ -54,7 +54,7 @@ def search_chart(result: SearchResult) -> Chart:
     stairs = [(name.replace(", ", ",\n"), errors) for name, errors in staircase(result)]
     names, steps = _steps(stairs)
     floor = _floor(result.noise_floor_um)
-    known = [c for c in result.candidates if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
+    known = [c for c in result.ranking if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
     added = {candidate.effect for candidate in result.added}
     effects = [c.effect for c in known] or ["no candidate"]
     bars = Bars(

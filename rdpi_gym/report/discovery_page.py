@@ -241,7 +241,7 @@ def _portrait(result: SearchResult) -> list[Section]:
 
 def candidate_sections(result: SearchResult) -> list[Section]:
     """Show the candidates of each round, best first; none where no candidate was tried."""
-    rounds = tuple(candidates for candidates in result.rounds if candidates)
+    rounds = tuple(candidates for candidates in result.stated_rounds if candidates)
     if not rounds:
         return []
     figures, tables = {}, []
@@ -282,7 +282,7 @@ def _evidence(result: SearchResult) -> list[Section]:
     """Return the evidence for each candidate of a diagnosis; of a discovery it is in the summary."""
     if result.kind != "diagnosis":
         return []
-    said = [c for c in result.candidates if c.evidence and c.share > 0]
+    said = [c for c in result.ranking if c.evidence and c.share > 0]
     if not said:
         return []
     lines = "\n".join(f"- {c.effect}: {closed(c.evidence)}" for c in said)

@@ -93,7 +93,7 @@ def lines(result: SearchResult) -> list[str]:
     several = len(result.added) > 1
     said = [
         result.headline,
-        *(f"- {candidate_sentence(c, result.probabilities, several)}" for c in result.added),
+        *(f"- {candidate_sentence(c, result.probabilities, several)}" for c in result.stated.values()),
         chances_sentence(result),
         result.core.sentence,
         result.sampling,
@@ -111,7 +111,7 @@ def evidence(result: SearchResult) -> list[str]:
     """Return what supports the answer, in at most three sentences: effects, residual or limit, next step."""
     left = result.left if result.undecided is None else None
     reasons = [
-        "; ".join(probability_phrase(c, result.probabilities) for c in result.added),
+        "; ".join(probability_phrase(c, result.probabilities) for c in result.stated.values()),
         ""
         if left is None or left.low <= 0.0
         else text_of(statement("left/low", low=100.0 * left.low)),

@@ -104,10 +104,10 @@ def test_the_answer_comes_first(made_discovery):
         "Missing: creep and resonance (or delay). Error 0.8 to 0.021 µm, noise 0.02 µm."
     )
     assert said[1].startswith(
-        "- creep: confidence 99 %, removes 90 % of the squared error above noise. creep makes the loops"
+        "- creep: confidence 99 %, removes 98 % of the squared error above noise. creep makes the loops"
     )
     assert said[2].startswith(
-        "- resonance: confidence 99 %, removes 90 % of the squared error above"
+        "- resonance: confidence 99 %, removes 100 % of the squared error above"
     )
     assert "; indistinguishable from delay on these" in said[2]
     assert said[-2] == (
@@ -128,7 +128,7 @@ def test_probabilities_stand_beside_the_names(made_discovery, tmp_path):
     said = lines(found)
     assert said[0].startswith("Missing: creep; possibly missing: resonance. Error")
     assert said[1].startswith(
-        "- creep: 98 % probable, removes 90 % of the squared error above noise,"
+        "- creep: 98 % probable, removes 98 % of the squared error above noise,"
     )
     assert "best in 99 % of the cross-validation splits" in said[1]
     assert "40 % probable" in said[2]

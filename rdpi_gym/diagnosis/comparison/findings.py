@@ -11,6 +11,7 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.traces import Plane, Trace
 from rdpi_gym.diagnosis.notices import Statement, statement
+from rdpi_gym.identification import residuals
 
 Row: TypeAlias = dict[Any, Any]
 
@@ -253,13 +254,14 @@ def command_and_rate(found: Plane) -> Statement:
 
 def share_above_rest(table: pd.DataFrame) -> float:
     """Share of the squared error that goes if the worst row is no worse than the others together."""
-    weights, squares = table["samples"].to_numpy(), table["rmse_um"].to_numpy() ** 2
+    weights, squares = table["samples"].to_numpy(np.float64), table["rmse_um"].to_numpy() ** 2
     total = float(weights @ squares)
     if len(table) < 2 or total <= 0.0:
         return 0.0
     worst = int(np.argmax(squares))
     rest = (total - weights[worst] * squares[worst]) / float(weights.sum() - weights[worst])
-    return max(float(weights[worst]) * (float(squares[worst]) - rest) / total, 0.0)
+    excess = float(weights[worst] * (squares[worst] - rest))
+    return max(excess / total, 0.0)
 
 
 def share_of_gain(traces: Sequence[Trace], records: pd.DataFrame) -> float:
@@ -319,13 +321,9 @@ def _share(squares: float, records: pd.DataFrame) -> float:
     return min(squares / total, 1.0) if total > 0.0 else 0.0
 
 
-def rms_over(records: pd.DataFrame, column: str = "rmse_um") -> float:
-    """RMS over records, each weighted by its samples (µm)."""
-    known = records[records[column].notna()]
-    total = float(known["samples"].sum())
-    if total == 0:
-        return math.nan
-    return math.sqrt(float((known["samples"] * known[column] ** 2).sum()) / total)
+def rms_over(records: pd.DataFrame) -> float:
+    """RMS over the rows of a table of errors, each weighted by its samples (µm)."""
+    return residuals.rms_over(records["rmse_um"].tolist(), records["samples"].tolist())
 
 
 def _rows(table: pd.DataFrame) -> list[Row]:
