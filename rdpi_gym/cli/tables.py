@@ -12,8 +12,16 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from rdpi_gym.face.data import Dataset
-    from rdpi_gym.face.display import DisplayMixin
+    import rdpi_gym as rg
+
+    Found = (
+        rg.FitResult
+        | rg.CoreFit
+        | rg.KindChoice
+        | rg.Comparison
+        | rg.ModelComparison
+        | rg.SearchResult
+    )
 
 _MOST_ROWS = 12
 
@@ -53,8 +61,8 @@ def print_table(
 
 
 def print_result(
-    result: DisplayMixin,
-    records: Dataset,
+    result: Found,
+    records: rg.Dataset,
     written: Sequence[Path],
     verbose: bool,
     title: str = "",

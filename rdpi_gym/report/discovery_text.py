@@ -93,7 +93,10 @@ def lines(result: SearchResult) -> list[str]:
     several = len(result.added) > 1
     said = [
         result.headline,
-        *(f"- {candidate_sentence(c, result.probabilities, several)}" for c in result.stated.values()),
+        *(
+            f"- {candidate_sentence(c, result.probabilities, several)}"
+            for c in result.stated.values()
+        ),
         chances_sentence(result),
         result.core.sentence,
         result.sampling,

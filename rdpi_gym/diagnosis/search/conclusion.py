@@ -88,9 +88,7 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
     dataset = search.dataset
     say = partial(text_of, quantities=dataset.quantities)
     base_errors, end_errors = search.errors_of(history.base), search.errors_of(end)
-    added = [
-        replace(c, errors=end_errors) if c.errors is end.outcome.errors else c for c in added
-    ]
+    added = [replace(c, errors=end_errors) if c.errors is end.outcome.errors else c for c in added]
     warnings = plausibility_warnings(
         left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
     )
