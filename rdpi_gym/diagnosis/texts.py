@@ -730,7 +730,7 @@ SEARCH: Mapping[str, str] = {
     + _LEFT
     + " follows from the input: {seen}, "
     "and neither repetitions nor quiet records show a disturbance; " + _HIDES + ".",
-    "unseen": "at most {percent:g} %, as no test without a model sees {effect} here: {reason_clause}",
+    "unseen": "no test without a model sees {effect} here: {reason_clause}",
     "vetoed": "{effect} vetoed: a test without a model denies it: {reason}",
 }
 """Findings and decisions of a search."""

@@ -47,13 +47,11 @@ def probability_phrase(candidate: Candidate, chances: Probabilities | None) -> s
 def candidate_sentence(
     candidate: Candidate, chances: Probabilities | None = None, beside_others: bool = True
 ) -> str:
-    """State how sure an effect is, and the reasons: splits, rivals, evidence, what speaks against it.
+    """State how sure an effect is, and the reasons: rivals, evidence, what speaks against it.
 
     Its error without it is that of the base model where it is not `beside_others`.
     """
     text = probability_phrase(candidate, chances)
-    if chances is not None and candidate.effect in chances.effects:
-        text += f", best in {_percent(candidate.confidence)} of the cross-validation splits"
     if candidate.without_um is not None and beside_others:
         text += f"; error without it, all else refitted, {in_output(candidate.without_um)}"
     if candidate.indistinguishable:

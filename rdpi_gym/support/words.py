@@ -56,8 +56,8 @@ def closed(sentence: str) -> str:
 
 
 def capital(sentence: str) -> str:
-    """Begin a sentence with a capital letter."""
-    return sentence[:1].upper() + sentence[1:]
+    """Begin a sentence with a capital letter, but for one that begins with a Greek symbol."""
+    return sentence[:1].upper() + sentence[1:] if sentence[:1].isascii() else sentence
 
 
 def first_sentence(text: str) -> str:
