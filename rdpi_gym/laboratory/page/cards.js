@@ -179,7 +179,7 @@ function sureness({probability, confidence, share, recommended, added, state}) {
     return h("span", {class: "state"}, added ? "in the model" : STATES[state]);
   }
   const says = probability === null || probability === undefined
-    ? "Confidence: how often it, or one that cannot be told from it, wins where the records are drawn anew"
+    ? "Confidence: how often it, or an effect indistinguishable from it, wins in draws of the records"
     : "Probability among the candidates";
   return h("span", {class: "probability", title: says}, percent(sure));
 }
