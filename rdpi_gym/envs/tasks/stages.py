@@ -11,7 +11,7 @@ import numpy as np
 
 from rdpi_gym.envs.tasks.environment import environment_of, environments_of
 from rdpi_gym.envs.tasks.task import BLOCK, FIRST, NoiseLaw, StageTask
-from rdpi_gym.envs.truth import limit_band
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ, limit_band
 from rdpi_gym.plant import P10, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
 from rdpi_gym.plant.effects.base import Effect
@@ -30,7 +30,7 @@ NOISE_UM = 0.01
 def stage(name: str, *effects: Effect, base: PlantModel = P10) -> PlantModel:
     """Return a plant of the tasks: its rate low-passed at 800 Hz, its sensor noisy."""
     sensor = Sensor(noise_um=NOISE_UM)
-    return replace(limit_band(base, 800.0), name=name, effects=effects, sensor=sensor)
+    return replace(limit_band(base), name=name, effects=effects, sensor=sensor)
 
 
 BARE = StageTask(
@@ -97,7 +97,7 @@ def structure_belief(kind: str) -> PlantModel:
     path = Path(str(files("rdpi_gym.envs.tasks") / "beliefs")) / f"{kind}.json"
     truth = structure_truth(kind)
     fitted = PlantModel.load(path)
-    core = fitted.hysteresis.band_limited(800.0)
+    core = fitted.hysteresis.band_limited(RATE_BANDWIDTH_HZ)
     return replace(truth, hysteresis=core, offset_um=fitted.offset_um, name=fitted.name)
 
 
