@@ -212,7 +212,7 @@ _POLICY = (
 
 @dataclass(frozen=True)
 class Section:
-    """One section of a page: what is seen, in words, and the figure or table that shows it."""
+    """One section of a page: a figure, what it shows, in words below it, and a table."""
 
     title: str  # in the table of contents too
     # plain text, escaped: a blank line begins a paragraph, lines that begin with "- " are a list
@@ -282,14 +282,15 @@ def _in_json(word: str) -> str:
 def _section_html(
     name: str, section: Section, numbers: Iterator[int], drawn: Callable[[str], str]
 ) -> str:
-    title, body = f"<h2>{escape(section.title)}</h2>", [_prose(section.text)]
+    title, body = f"<h2>{escape(section.title)}</h2>", list[str]()
     figure = section.figure
     if isinstance(figure, Mapping):
         body.append(_choice_html(figure, section.title, numbers, drawn))
     elif isinstance(figure, Sequence):
-        body += [_figure_html(f"f{next(numbers)}", each, drawn) for each in figure]
+        body += [_figure_html(f"f{next(numbers)}", each, section.title, drawn) for each in figure]
     elif figure is not None:
-        body.append(_figure_html(f"f{next(numbers)}", figure, drawn))
+        body.append(_figure_html(f"f{next(numbers)}", figure, section.title, drawn))
+    body.append(_prose(section.text))
     if section.table is not None:
         body.append(table_html(section.table))
     content = f"{title}\n{''.join(body)}"
@@ -304,21 +305,23 @@ def _choice_html(
     names = {f"f{next(numbers)}": name for name in figures}
     options = "".join(f'<option value="{f}">{escape(name)}</option>' for f, name in names.items())
     each = [
-        _figure_html(f, figures[name], drawn, hidden=i > 0)
+        _figure_html(f, figures[name], f"{title}, {name}", drawn, hidden=i > 0)
         for i, (f, name) in enumerate(names.items())
     ]
     label = f'<label class="choice">Show <select aria-label="{escape(title)}" autocomplete="off">'
     return f"{label}{options}</select></label>{''.join(each)}"
 
 
-def _figure_html(name: str, figure: Any, drawn: Callable[[str], str], hidden: bool = False) -> str:
+def _figure_html(
+    name: str, figure: Any, title: str, drawn: Callable[[str], str], hidden: bool = False
+) -> str:
     figure = plotly_figure(figure) if isinstance(figure, Chart) else figure
     # "<" cannot end the script element early when it is written as JSON's escape
     data = drawn(figure.to_json().replace("<", "\\u003c"))
     height = figure.layout.height or 420
     return (
         f'<script type="application/json" id="{name}-data">{data}</script>'
-        f'<div class="figure" id="{name}" data-figure="{name}-data" style="min-height:{height}px"'
+        f'<div class="figure" role="figure" aria-label="{escape(title)}" id="{name}" data-figure="{name}-data" style="min-height:{height}px"'
         f"{' hidden' if hidden else ''}></div>\n"
     )
 

@@ -78,7 +78,7 @@ def made_discovery():
             "sampling": None,
             "undecided": None,
             "unexplained_rmse_um": 0.006,
-            "remainder": "What is left is the noise.",
+            "remainder": "The residual is noise.",
             "next_experiment": "A multisine below the first threshold.",
             "indistinguishable": (("delay", "sensor_lag"), ("creep", "thermal_drift")),
             "checks": ("Holds creep.", "No hum.", "No hum."),
