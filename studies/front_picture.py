@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 import rdpi_gym as rg
-from rdpi_gym.report.chart import Axis, Bars, Level, Panel, Series, side_by_side
+from rdpi_gym.report.chart import Axis, Bars, Level, Note, Panel, Series, side_by_side
 from rdpi_gym.report.chart_matplotlib import chart_png
-from rdpi_gym.report.style import FALLING, MEASURED, MODEL, RESIDUAL, RISING
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.report.style import FALLING, INK, MEASURED, MODEL, RESIDUAL, RISING
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.words import number
 from studies.chromium import small_png
@@ -67,8 +67,10 @@ def front_picture(found: rg.Discovery) -> bytes:
     fall = Panel(
         [
             Bars(names, heights, "", [RISING, RISING, FALLING][-len(heights) :], horizontal=False,
-                 width=0.6, texts=[f"{number(each, 2)}" for each in heights]),
+                 width=0.6),
             floor,
+            *(Note(name, each, f"{number(each, 2)} µm", INK, "center", 9.0)
+              for name, each in zip(names, heights, strict=True)),
         ],
         Axis(categories=names), Axis("Validation error (µm rms)"), "The error falls",
     )  # fmt: skip
