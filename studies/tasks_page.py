@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from argparse import Namespace
 from pathlib import Path
 
 from baselines import HORIZON_BOUND
-from benchmarks.stages.ranking import METHOD
 from benchmarks.stages.run import FEWEST_DIGITS
 from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask
 from rdpi_gym.envs.tasks.environment import page_of
@@ -61,7 +61,8 @@ rdpi bench --full --out results/full
 The first ranks the controllers that ship on 20 test plants of two tasks, the second on 100 plants of every task; both go on where they were interrupted, and
 `--ray HOST:PORT` runs them on a cluster. `--controller my_controller:make` adds your own.
 
-{METHOD}
+[The ranking](../studies/results/stages/tasks.md) says who is first on each task and [what its figures
+mean](../studies/results/stages/tasks.md#what-the-figures-mean).
 `{HORIZON_BOUND}` is the bound with everybody's preview; the bound of `rdpi bench` without tasks knows the whole reference and is another one.
 
 ## Enter a leaderboard
@@ -106,14 +107,35 @@ def page_text() -> str:
         + table(head, rows, right=(2, 3, 4))
         + "\n"
         + _USE
+        + f"\nEach of the other tasks says in what it differs from {next(iter(TASKS))}.\n"
         + "".join(map(_section, TASKS.values()))
     )
 
 
 def _section(task: StageTask) -> str:
-    page = page_of(task).partition("\n```python")[0].strip()
-    title, _, rest = page.partition("\n")
-    return f"\n## {task.name}\n\n**{title}** `{task.id}`\n\n{rest.strip().replace('## ', '### ')}\n"
+    """Return the section of a task: of all but the first, the sentences in which it differs from that."""
+    first = next(iter(TASKS.values()))
+    (_, title), *parts = _parts(task)
+    known: set[str] = set()
+    if task is not first:
+        known.update(each.strip() for _, text in _parts(first) for each in _sentences(text))
+    lines = [f"\n## {task.name}", f"**{title}** `{task.id}`"]
+    for heading, text in parts:
+        kept = "".join(each for each in _sentences(text) if each.strip() not in known)
+        if kept.strip():
+            lines += [heading, kept.strip()]
+    return "\n\n".join(lines) + "\n"
+
+
+def _parts(task: StageTask) -> list[tuple[str, str]]:
+    """Return title and sections of a task's own page, each with its heading."""
+    title, *sections = page_of(task).partition("\n```python")[0].split("\n## ")
+    apart = (section.partition("\n") for section in sections)
+    return [("", title.strip()), *((f"### {head}", text.strip()) for head, _, text in apart)]
+
+
+def _sentences(text: str) -> list[str]:
+    return re.split(r"(?<=\. )|(?<=\n\n)", text)
 
 
 main = Study("tasks_page", __doc__, _files, OUT)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from benchmarks.effect_discovery.forms import TIMED
 from benchmarks.effect_discovery.independent import NOISE_UM, PLAIN
-from rdpi_gym.support.markdown import frame_table, table
+from rdpi_gym.support.markdown import frame_table, leading_rows, table
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import HIDEABLE, VISIBLE
 
@@ -450,6 +450,9 @@ def agreement(rows: Sequence[Row]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+_WORST_FIRST = ["found_percent", "largest_ratio"]
+
+
 def _independent_sections(rows: Sequence[Row]) -> list[str]:
     parts = []
     summary = by_subject(rows)
@@ -457,10 +460,9 @@ def _independent_sections(rows: Sequence[Row]) -> list[str]:
         for (study, variant), part in summary.groupby(["study", "variant"], sort=False):
             title = str(study) if variant == PLAIN else f"{study}: {variant}"
             empty = _ABOUT_EFFECTS if study in ("none", "outside") else ()
-            parts += [
-                f"## {title}",
-                frame_table(part.drop(columns=["study", "variant", *empty])),
-            ]
+            worst = part.sort_values(_WORST_FIRST, ascending=[True, False], kind="stable")
+            shown = worst.drop(columns=["study", "variant", *empty])
+            parts += [f"## {title}", leading_rows(shown, "by_subject.csv")]
     masked = sorted({" + ".join(row["subject"]) for row in rows if row["status"] == "masked"})
     if masked:
         parts.append(f"No draw shows, beside noise or each other: {', '.join(masked)}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
@@ -115,7 +116,7 @@ def _static(results: PaperResults) -> str:
 
 {table(head, rows)}
 
-Above g = 1 the error still falls with Ts, since a spike is no higher than a few of the command's own steps, but the command has spikes at every Ts."""
+Above g = 1 the command has spikes at every Ts."""
 
 
 def no_condition(results: PaperResults) -> str:
@@ -147,7 +148,7 @@ def no_condition(results: PaperResults) -> str:
     ]
     return f"""## "No condition on invertibility"
 
-The classical inverse exists while the gaps between thresholds do not shrink with time. Under Eq. 8 the rate enters every threshold alike, so the gaps are constant and the inverse always exists: with the same thresholds in plant and compensator it is exact to rounding. For this threshold law, then, the absence of a condition is no advantage of Eq. 6, and Eq. 6 as printed has one of its own. The difficulty that both share is to know the rate of u before u.
+The classical inverse exists while the gaps between thresholds do not shrink with time. Under Eq. 8 the rate enters every threshold alike, so the gaps are constant and the inverse always exists: with the same thresholds in plant and compensator it is exact to rounding. So the absence of a condition is no advantage of Eq. 6, and Eq. 6 as printed has one of its own.
 
 {table(head, rows)}"""
 
@@ -166,7 +167,7 @@ def right_half_plane_zero(results: PaperResults) -> str:
     head = ["set", "zero by simulation (rad/s)", "A / (S δ2) (rad/s)", "S δ2 / A (ms)"]
     return f"""## The zero behind it
 
-While all plays slide, y = A u - S δ2 u̇ - c: raising the rate of the command lowers the output before the command itself raises it. That is a zero in the right half plane, so an exact causal inverse is unstable whatever its structure, and no smaller Ts helps. At the paper's {1e6 * SECTION_V.ts_s:g} µs the exact sample-by-sample solution of Eq. 3 for u(k) is not even unique: that takes Ts above S δ2 / A.
+While all plays slide, y = A u - S δ2 u̇ - c: raising the rate of the command lowers the output before the command itself raises it. That is a zero in the right half plane: an exact causal inverse is unstable whatever its structure, and no smaller Ts helps.
 
 {table(head, rows)}"""
 
@@ -201,16 +202,16 @@ def implementation(results: PaperResults) -> str:
     sine = SECTION_V
     return f"""## What an implementation meets, and what to use instead
 
-A plant does not follow the rate of Eq. 5 to any frequency, the converter holds its output, the sensor rounds and is noisy. The realisable readings at {sine.frequency_hz:g} Hz, {sine.amplitude_um:g} µm, {1e6 * sine.ts_s:g} µs, median of {results.realisations} realisations, max / RMS (µm). The test bench is the plant with the lowest cut-off behind a 50 µs converter, seen by a sensor of 10 nm resolution with noise; its error is taken against the reference between the converter's samples too, so that it holds the converter's half sample of delay:
+The realisable readings at {sine.frequency_hz:g} Hz, {sine.amplitude_um:g} µm, {1e6 * sine.ts_s:g} µs, median of {results.realisations} realisations, max / RMS (µm). The test bench has the lowest cut-off, a 50 µs converter and a noisy sensor of 10 nm resolution; its error counts between the converter's samples too:
 
 {rows}
 
 Smallest RMS error, by plant: {winners}.
 
 - Where Eq. 6 is wanted, take the rate for its thresholds from the reference (*reference-rate/A*), or low-pass its own rate (*low-passed*; as Ts → 0 that loop is stable only while g < 1 and the cut-off is below A / (2π S δ2): {cut_offs}).
-- The classical inverse at the reference's rate over A is no loop, meets no condition under Eq. 8, and is not a sample late.
+- The classical inverse at the reference's rate over A is no loop and is not a sample late.
 - Given thresholds make the claim true on paper only: a plant sets its thresholds by its own rate.
-- The zero bars an exact causal inverse. Where the reference is known ahead, an inverse with preview is the way to a smaller error."""
+- Where the reference is known ahead, an inverse with preview leaves a smaller error."""
 
 
 def by_reading(
@@ -232,8 +233,8 @@ def span(values: Array) -> str:
 
 
 def claim(verdict: str) -> str:
-    """Return what a verdict says of the claim, without its note on the stability limit."""
-    return verdict.partition("; this Ts")[0]
+    """Return whether the claim holds; ``paper.csv`` has the whole verdict."""
+    return re.split("[:;]", verdict, maxsplit=1)[0]
 
 
 def _loop_table(unit: str, loops: list[tuple[str, Tracking]]) -> str:
@@ -258,7 +259,7 @@ def figure_3(results: PaperResults) -> str:
                 errors(results.find(f"Fig. 3{panel}", reading.name, section_iii(hz, ts)))
                 for ts in TS_S
             ),
-            results.series_verdict(f"Fig. 3{panel}", reading.name),
+            claim(results.series_verdict(f"Fig. 3{panel}", reading.name)),
         ]
         for panel, hz in zip("def", FREQUENCIES_HZ, strict=True)
         for reading in INVERSION_FREE
@@ -277,7 +278,7 @@ The paper: {Claim.SMALLER_TS.value}. It prints no error values for this figure.
 
 {_loop_table("y_r - y", loops)}
 
-(d) to (f), Eq. 6 at each Ts (the paper's captions pair {captions}; its text applies all three to each):
+(d) to (f), Eq. 6 at each Ts (the captions pair {captions}; the text applies all three to each):
 
 {table(head, rows)}"""
 
@@ -367,7 +368,7 @@ The paper (Section III-A): "y(k) ≅ y_r(k), and ... e(k) → 0", with no condit
 
 ![Error against the sampling time](stability.png)
 
-The starred runs as statistics over {results.realisations} realisations. The last column is the median of the command's largest rate over that of the smooth command with given thresholds: one-sample spikes.
+The starred runs as statistics over {results.realisations} realisations. × smooth: the command's largest rate over that with given thresholds.
 
 {table(head, statistics)}"""
 
@@ -412,11 +413,11 @@ def figure_8(results: PaperResults) -> str:
         if stays
         else f"""
 
-The paper measured {BOUND_UM:g} µm with Eq. 6 at {1e6 * sine.ts_s:g} µs, where Eq. 6 as printed chatters. Either its implementation differs from the print (thresholds from the reference's rate, a filtered rate), or actuator and sensor filtered the chatter; the text does not say."""
+The paper measured {BOUND_UM:g} µm with Eq. 6 at {1e6 * sine.ts_s:g} µs, where Eq. 6 as printed chatters. Either its implementation differs from the print, or actuator and sensor filtered the chatter."""
     )
     return f"""## Figure 8 and Section V: {sine.frequency_hz:g} Hz, {sine.amplitude_um:g} µm, {1e6 * sine.ts_s:g} µs
 
-The paper: {Claim.BOUND.value}, for the proposed (8a) and for the classical compensator (8b), measured on its actuator. Here the identified model is the plant, so whatever the model does not describe is missing: staying within the bound is necessary, not sufficient.
+The paper: {Claim.BOUND.value}, for the proposed (8a) and for the classical compensator (8b), measured on its actuator. Here the identified model is the plant: staying within the bound is necessary, not sufficient.
 
 ![Figure 8](fig8.png)
 
@@ -461,9 +462,6 @@ def _verdict(results: PaperResults) -> str:
     )
     uncompensated = results.find("Section V, no compensation", "none")
     best = dict.fromkeys(best_by_plant(results).values())
-    finest = {
-        name: results.find(SWEEP_LABEL, name, sine) for name in ("literal", "reference-rate/A")
-    }
     return f"""# The paper's figures and numbers, recomputed
 
 Aljanaideh, Al Janaideh, Rakotondrabe, "Inversion-free feedforward dynamic compensation of hysteresis nonlinearities in piezoelectric micro/nano-positioning actuators". Written by `rdpi reproduce --seed {results.seed} --realisations {results.realisations}`, which computes every number below.
@@ -472,7 +470,7 @@ Aljanaideh, Al Janaideh, Rakotondrabe, "Inversion-free feedforward dynamic compe
 2. **"No condition".** There is one: the loop of Eq. 6 is stable only while Ts is above {limits}, found by simulation on both sides. The paper's {1e6 * SECTION_V.ts_s:g} µs is {limit_s["P10"] / SECTION_V.ts_s:.1f} times below the latter. {_without_rate(results)}
 3. **Where the claim holds.** With {_readings(holds)}, that is with thresholds that are the same function of time in plant and compensator: the error falls like Ts, to {number(left, 2)} % of the amplitude.
 4. **Section V, the model as plant.** Largest error without compensation {number(uncompensated.max_error)} µm; Eq. 6 as printed {span(literal.max_error_um)} µm, with command jumps of {number(literal.jump_V, 2)} V from sample to sample; with given thresholds {number(given.max_error, 2)} µm; classical inverse {number(at_reference.max_error, 2)} µm at the rate of y_r and {number(over_gain.max_error, 2)} µm at that rate over A. The paper measured {BOUND_UM:g} µm for both of its methods.
-5. **Why, and what to use.** On its own rate Eq. 6 is a loop whose gain g δ2 / Ts grows as Ts falls, and the model has a right-half-plane zero ({joined([f"{z:.0f} rad/s" for z in results.zeros_rad_s.values()])}). A compensator that takes the rate from the reference is no such loop: {_readings(list(best))} had the smallest RMS errors on the plants tried at {SECTION_V.frequency_hz:g} Hz and {1e6 * SECTION_V.ts_s:g} µs. At a far smaller Ts the chatter is fast, and its RMS error small: at 50 Hz and {seconds(smallest)} *literal* leaves {number(finest["literal"].median_rms_error, 2)} µm rms and *reference-rate/A* {number(finest["reference-rate/A"].median_rms_error, 2)} µm, with largest errors of {number(finest["literal"].median_max_error, 2)} and {number(finest["reference-rate/A"].median_max_error, 2)} µm and command rates of {number(finest["literal"].median_max_rate, 2)} and {number(finest["reference-rate/A"].median_max_rate, 2)} V/s."""
+5. **Why, and what to use.** On its own rate Eq. 6 is a loop whose gain g δ2 / Ts grows as Ts falls, and the model has a right-half-plane zero ({joined([f"{z:.0f} rad/s" for z in results.zeros_rad_s.values()])}). A compensator that takes the rate from the reference is no such loop: {_readings(list(best))} had the smallest RMS errors on the plants tried at {SECTION_V.frequency_hz:g} Hz and {1e6 * SECTION_V.ts_s:g} µs."""
 
 
 def _as_printed(results: PaperResults, sine: Sine) -> str:
@@ -529,7 +527,7 @@ Errors are e = y_r - y over the last of three periods (samples 2M to 3M - 1, M s
 
 {table(["reading", "what it is"], rows, right=False)}
 
-A star marks a run that is not reproducible: {results.realisations} realisations whose references differ by a relative 1e-12 disagree. There only statistics mean anything, never a trace. The starred number is the one realisation of the exact reference, as in `paper.csv`; medians and ranges stand under "Error against Ts". Section III-B prints no threshold law; Eq. 8 is used with its δ1 and δ2."""
+A star marks a run that is not reproducible: {results.realisations} realisations whose references differ by a relative 1e-12 disagree. The starred number is the realisation of the exact reference; medians and ranges stand under "Error against Ts". `paper.csv` has the whole verdict on every claim. Section III-B prints no threshold law; Eq. 8 is used with its δ1 and δ2."""
 
 
 def _parameters(_: PaperResults) -> str:

@@ -26,7 +26,7 @@ from benchmarks.tracking.evaluation import CONFIDENCE, ranged
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.markdown import LEADING_ROWS, frame_table, leading_rows
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import number
 
@@ -187,14 +187,14 @@ def agreement(first: Sequence[Row], second: Sequence[Row]) -> float:
 
 
 METHOD = f"""\
-- **Plants.** Each is drawn about the nominal plant of its task; all controllers meet the same, with the same references and the same noise, and hold the nominal plant with its nominal effects. Which seed they were drawn from stands above every table.
+- **Plants.** Each is drawn about the nominal plant of its task; all controllers meet the same, with the same references and the same noise, and hold the nominal plant with its nominal effects. The first line says from which seed they were drawn.
 - **Score of a plant.** Mean over its references of the RMSE in percent of the reference's peak to peak, of the displacement without the sensor's noise, over the samples that the task scores.
 - **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs. Such a plant counts with {WORST_PERCENT:g} % at least.
 - **p90, IQM.** 90th percentile over the plants, and mean of their middle half; in brackets the {100 * CONFIDENCE:g} % interval of a bootstrap over the plants.
 - **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
 - **Over noise.** IQM in units of the sensor's noise (rms).
 - **Bound.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error.
-- **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are listed and not ranked; of the latter the last pass is scored.
+- **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are not ranked; of the latter the last pass is scored.
 - **Time.** Median time of one decision for one plant, on the machine and under the load of the run.
 - **Tuned on.** Plant samples of training draws that its committed settings took; 0: nothing was tuned.
 - **Certificate.** What a controller says of its stability on its belief before it drives anything.
@@ -287,7 +287,8 @@ class TaskScores:
         )
         parts = [
             "# Controllers on the registered tasks",
-            self.seen + " Every ranking is in `tasks.csv`.",
+            f"{self.seen} `tasks.csv` holds every controller, with command variation, tuning, certificate and the "
+            f"first reason of failure; below stand the first {LEADING_ROWS} of each task.",
             *self.notes,
             frame_table(overview),
             "## What the figures mean",
@@ -295,16 +296,8 @@ class TaskScores:
         ]
         for task, part in self.rankings.items():
             title = TASKS[task].title if task in TASKS else ""
-            parts += [f"## {task}", f"{title}. {self.seen}", frame_table(view(part))]
-            failed = part[part["failure"] != ""]
-            if not failed.empty:
-                reasons = "; ".join(
-                    f"`{name}`: {reason}"
-                    for name, reason in zip(
-                        failed["controller"], failed["failure"].map(_short), strict=True
-                    )
-                )
-                parts.append(f"First reason of each that failed anywhere: {reasons}.")
+            shown = view(rivals_of(part)).drop(columns=["command (V/s)", "tuned on", "certificate"])
+            parts += [f"## {task}", f"{title}.", leading_rows(shown, "tasks.csv")]
         return paragraphs(parts)
 
 

@@ -19,14 +19,13 @@ from benchmarks.tracking.evaluation import (
     CONFIDENCE,
     RANKING,
     Evaluation,
-    ranged,
     ranking_view,
 )
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
 from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.markdown import frame_table, plain
+from rdpi_gym.support.markdown import frame_table, leading_rows, plain
 from rdpi_gym.support.words import number
 
 METHOD = f"""\
@@ -62,29 +61,30 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         "## Ranking",
         "Geometric mean of the RMSE over the cases, best first, with its confidence interval; `=` "
         "marks a tie. `RMSE, seed 0`: where the belief is true.",
-        frame_table(ranking_view(evaluation.ranking)),
+        leading_rows(ranking_view(evaluation.ranking), "ranking.csv"),
     ]
     for ts, ranked in evaluation.where_trained.items():
         title = f"## Ranking at Ts = {ts:g} s, where trained policies run"
-        parts += [title, WHERE_TRAINED, frame_table(ranking_view(ranked))]
+        parts += [title, WHERE_TRAINED, leading_rows(ranking_view(ranked), "ranking.csv")]
     parts += ["## What the numbers mean", METHOD, _below_bound(table)]
     for stage in selection.stages:
         ts = stage.shown_ts_s
         part = cases[(cases["plant"] == stage.plant.name) & np.isclose(cases["ts_s"], ts)]
         if not part.empty:
             parts += [f"## {stage.plant.name} at Ts = {ts:g} s: RMSE (% of peak to peak)"]
-            parts += [_stage_words(stage, part), frame_table(_case_view(part, order))]
+            view = _case_view(part, order)
+            parts += [_stage_words(stage, part), leading_rows(view, "leaderboard.csv")]
     parts += [
         "## Error against sampling time",
         "Geometric mean of the RMSE (%) over the references that every sampling time of a plant has.",
-        frame_table(_ts_view(cases[~cases["extrapolated"]], order)),
+        leading_rows(_ts_view(cases[~cases["extrapolated"]], order), "leaderboard.csv"),
     ]
     if words(table["status"].tolist()):
         parts += [
             "## Status",
             "Rows with each word in their status, of all rows, those beyond the identification "
             "among them.",
-            frame_table(_status_view(table, order)),
+            leading_rows(_status_view(table, order), "leaderboard.csv"),
         ]
     parts += ["## On real input", measured_text(measured)]
     if not measured.table.empty:
@@ -115,7 +115,7 @@ def _stage_words(stage: Stage, part: pd.DataFrame) -> str:
     low, high = plant.command_range_V
     return (
         f"References of {amplitude:.4g} µm about {centre:.4g} µm, commands from {low:g} to {high:g} V; "
-        "means over the drawn seeds with their confidence intervals."
+        "means over the drawn seeds."
         + (" With a star: beyond the plant's identification." if part["extrapolated"].any() else "")
     )
 
@@ -128,7 +128,7 @@ def _case_view(part: pd.DataFrame, order: list[str]) -> pd.DataFrame:
                 part["reference"], part["frequency_hz"], part["extrapolated"], strict=True
             )
         ],
-        text=ranged(part, "rmse_percent", digits=2),
+        text=part["rmse_percent"].map(number),
     )
     wide = part.pivot(index="controller", columns="case", values="text")
     run = set(part["controller"])

@@ -10,6 +10,9 @@ from rdpi_gym.support.words import number
 if TYPE_CHECKING:
     import pandas as pd
 
+LEADING_ROWS = 8
+"""Rows of a ranking on a page: those that a reader compares; the file beside it holds the others."""
+
 Rule = Literal["aligned", "plain", "tight"]
 _RULES: dict[Rule, tuple[str, str, str, str]] = {
     "aligned": (":--", "--:", "| ", " | "),
@@ -45,6 +48,15 @@ def frame_table(frame: pd.DataFrame, digits: int | None = 3, rule: Rule = "align
         for row in frame.itertuples(index=False)
     ]
     return table(head, rows, right, rule)
+
+
+def leading_rows(
+    frame: pd.DataFrame, file: str, digits: int | None = 3, most: int = LEADING_ROWS
+) -> str:
+    """Write the first rows of a data frame, and the file that holds all of them."""
+    text = frame_table(frame.head(most), digits)
+    left = len(frame) - most
+    return text if left <= 0 else f"{text}\n\nThe first {most} of {len(frame)} rows of `{file}`."
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -14,7 +14,7 @@ from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.style import INK, PALETTE
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.markdown import frame_table
+from rdpi_gym.support.markdown import frame_table, leading_rows
 from rdpi_gym.support.words import number
 from studies.agents.scores import LITERAL, PREVIEW_INVERSION, TS_S
 from studies.agents.training import BASELINE, Study, Training
@@ -191,9 +191,9 @@ def agents_text(study: Study, summary: pd.DataFrame, trainings: pd.DataFrame) ->
         parts += [
             f"## Plants: {world}",
             f"Best causal compensator: `{best}`; best feedforward: `{feedforward}`.",
-            frame_table(_score_view(part)),
+            leading_rows(_score_view(part), "summary.csv"),
         ]
-    parts += ["## Trainings", frame_table(trainings)]
+    parts += ["## Trainings", leading_rows(trainings, "trainings.csv")]
     return _joined(parts)
 
 
