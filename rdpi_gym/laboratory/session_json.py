@@ -49,9 +49,11 @@ def _records(session: Session) -> list[dict[str, Any]]:
     said = data_import.settings_of(folder).get("records", {})
     files = {stem_of(file): file.name for file in data_import.data_files(folder)}
     only = next(iter(files.values()), "")
-    return [
+    asked = data.units_assumed.partition(";")[0]  # the page gives no options
+    rows = (
         views.record_row(r, files.get(r.name, only), said.get(r.name, {})) for r in data.records
-    ]
+    )
+    return [{**row, "remarks": [*row["remarks"], *filter(None, [asked])]} for row in rows]
 
 
 def _settings(session: Session) -> dict[str, Any]:
