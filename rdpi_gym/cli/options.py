@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hin
 import typer
 
 from rdpi_gym.face.options import EXAMPLES, example_folder
-from rdpi_gym.support.command_line import check_folder, check_jobs
+from rdpi_gym.support.command import check_folder, check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option, entries, option_fields
 from rdpi_gym.support.words import quoted
