@@ -163,16 +163,12 @@ def kind_warning(point: Point, moving: Sequence[bool], train: Sequence[Record]) 
     """Offer a kind of hysteresis where no play operator is left: the one that turns as the loops do."""
     if point.passive[1:].any() or not any(moving[1:]):
         return []
-    clockwise = orientation(train)
-    if clockwise:
-        turn = "the loops turn clockwise, which play operators cannot: --core stop fits such a kind"
-    elif clockwise is None:
-        turn = "the loops enclose no clear area: perhaps there is no hysteresis"
-    else:
-        turn = "the loops turn as theirs, in another shape"
-    return [
-        f"no play operator helps the fit, all weights but a_0 are 0; {turn}, --core auto compares all"
-    ]
+    said = "no play operator helps the fit, all weights but a_0 are 0; "
+    if orientation(train):
+        said += (
+            "the loops turn clockwise, which play operators cannot: --core stop fits such a kind, "
+        )
+    return [f"{said}--core auto compares all kinds"]
 
 
 def bound_warnings(
@@ -325,12 +321,12 @@ def fit(
     delta2_s = float(point.theta[1])
     determined = not spread.alike and delta2_s > Z95 * uncertainty.theta[1]
     moving = moving_plays(point.tangents[:, : n + 2, : n + 2], min_motion).tolist()
+    other_kind = kind_warning(point, moving, train)
     warnings = (
-        *plausibility_warnings(trained, delta2_s if determined else None, quantities),
-        *(
-            kind_warning(point, moving, train)
-            or delta2_warnings(point, uncertainty, spread, bounds)
+        *plausibility_warnings(
+            trained, delta2_s if determined else None, quantities, None if other_kind else False
         ),
+        *(other_kind or delta2_warnings(point, uncertainty, spread, bounds)),
         *bound_warnings(point, moving, list(extrema) if free_memory else [], bounds),
         *correlation_warning(lengths),
     )
