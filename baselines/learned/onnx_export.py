@@ -19,8 +19,7 @@ from baselines.adaptive_feedforward import (
     AdaptiveFeedforward,
 )
 from baselines.classical import ClassicalReferenceRate, pack_inverse
-from baselines.learned.imitation.policy import StudentController, StudentPolicy
-from baselines.learned.imitation.student import (
+from baselines.learned.imitation.policy import (
     CORRECTIONS,
     COURSE,
     ERRORS,
@@ -28,7 +27,9 @@ from baselines.learned.imitation.student import (
     PREVIEW,
     UNIT_UM,
     Student,
+    StudentController,
     StudentFeedforward,
+    StudentPolicy,
 )
 from baselines.learned.onnx_graph import Graph, Signal, check_file, content
 from baselines.learned.policy import Policy
@@ -36,6 +37,7 @@ from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.monitors import GROWTH, RingingMonitor
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tasks import named_task
+from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
@@ -192,7 +194,7 @@ def inverse_command(
 def student_correction(
     student: Student, seen: Signal, error: Signal, memory: Signal
 ) -> tuple[Signal, Signal]:
-    """Return the correction (µm) and the memory: :meth:`~baselines.learned.imitation.student.Student.answer_um`.
+    """Return the correction (µm) and the memory: :meth:`~baselines.learned.imitation.policy.Student.answer_um`.
 
     Python rounds to single precision within; here nothing is.
     """
@@ -377,6 +379,7 @@ def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentCo
             )
         belief, layout = named_task(task).belief(), policy.layout
     else:
+        belief = limit_band(belief)
         layout = ObservationLayout.for_plant(belief, policy.layout.ts_s, policy.layout.preview)
     layout = replace(layout, action="command")
     needed = StudentController(policy, belief, layout).needed_preview

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
 
 import typer
 
-from rdpi_gym.support.command_line import check_folder, check_jobs
+from rdpi_gym.support.command import check_folder, check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option, entries, option_fields
 
@@ -53,6 +53,9 @@ OutOption: TypeAlias = Annotated[
         help="Folder that the results are written to.",
         callback=_folder,
     ),
+]
+VerboseOption: TypeAlias = Annotated[
+    bool, typer.Option("--verbose", help="Print every finding, row, note and file.")
 ]
 SeedOption: TypeAlias = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of every random draw.")

@@ -28,16 +28,18 @@ from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.comparison import MEAN_UM, RMS_UM
 from rdpi_gym.report.discovery_text import staircase
 from rdpi_gym.report.style import INK, MEASURED, MODEL, MUTED, PALETTE
-from rdpi_gym.report.thin import DISPLAY_SAMPLES, around_largest_error, thin_index
 from rdpi_gym.report.traces import (
     COMMAND,
     DISPLACEMENT_UM,
+    DISPLAY_SAMPLES,
     FLOOR,
     TIME,
     Overlay,
+    around_largest_error,
     loops,
     noise_band,
     over_time,
+    thin_index,
 )
 
 BEFORE, AFTER = PALETTE[1], MODEL
@@ -54,7 +56,7 @@ def search_chart(result: SearchResult) -> Chart:
     stairs = [(name.replace(", ", ",\n"), errors) for name, errors in staircase(result)]
     names, steps = _steps(stairs)
     floor = _floor(result.noise_floor_um)
-    known = [c for c in result.candidates if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
+    known = [c for c in result.ranking if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
     added = {candidate.effect for candidate in result.added}
     effects = [c.effect for c in known] or ["no candidate"]
     bars = Bars(
@@ -199,7 +201,7 @@ def _certainty_dots(candidates: Sequence[Candidate]) -> list[Series]:
     """Return confidence and share of each candidate; values far outside are at the edge."""
     dots = (
         ("confidence", "circle", PALETTE[0], [100.0 * c.confidence for c in candidates]),
-        ("share of the excess gone", "diamond-open", INK, [100.0 * c.share for c in candidates]),
+        ("share removed", "diamond-open", INK, [100.0 * c.share for c in candidates]),
     )
     return [
         Series(

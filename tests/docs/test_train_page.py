@@ -10,9 +10,10 @@ import pytest
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
 from benchmarks.effect_discovery.__main__ import options
-from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
+from benchmarks.tracking.stages import NOISE_UM
 from rdpi_gym.cli import main as rdpi
 from rdpi_gym.envs import PiezoTrackingEnv
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
@@ -79,7 +80,7 @@ def curve(agent, seed):
 
 
 def commands(text, program="rdpi"):
-    """What a reader would type, of blocks in which commands are shown."""
+    """Commands that a reader would type, from blocks that show them."""
     lines = "\n".join(re.findall(r"^```(?:console|bash)\n(.*?)^```$", text, re.M | re.S))
     found = [line.removeprefix("$ ").partition(" #")[0] for line in lines.splitlines()]
     return [line for line in found if line.startswith(f"{program} ")]
