@@ -101,6 +101,7 @@ def figure_png(browser: Any, page: Path, section: str, choice: str = "") -> byte
     try:
         tab.set_default_timeout(_TIMEOUT_MS)
         tab.goto(page.resolve().as_uri())
+        tab.wait_for_function("window.Plotly || !document.getElementById('plotly')")
         drawn = str(tab.evaluate(_DRAW, [section, choice, WIDTH_PX]))
     finally:
         tab.close()

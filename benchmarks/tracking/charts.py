@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ from rdpi_gym.support.words import number
 _BOUND = "full-preview-inversion"
 # Errors of seed 0 that are smaller than this part of the smallest mean do not widen the axis.
 _NEAR = 0.05
+# Samples of a curve on the page: a screen shows no more of a period, or of some seconds.
+_PAIR_SAMPLES, _RECORD_SAMPLES = 100, 400
 _RMSE = "RMSE (% of peak to peak)"
 # Colour says which inverse, the symbol at which rate, the dash whether feedback is added.
 _COLOURS = {
@@ -92,9 +95,10 @@ def _sines(results: Evaluation) -> pd.DataFrame:
 
 def ranking_chart(ranking: pd.DataFrame) -> Chart:
     """Draw the geometric mean of every controller's error with its confidence interval."""
-    panel = _ranking_panel(ranking.dropna(subset=["rmse_percent"]))
+    shown = ranking.dropna(subset=["rmse_percent"])
+    panel = _ranking_panel(shown.assign(cautions="ok"))  # the table beside it states them
     names = panel.y.categories or ()
-    return Chart([panel], 160 + 26 * (len(names) + sum("\n" in name for name in names)))
+    return Chart([replace(panel, title="")], 130 + 26 * len(names))
 
 
 def _ranking_panel(shown: pd.DataFrame) -> Panel:
@@ -222,13 +226,14 @@ def _setting(plant: object, ts_s: Any) -> str:
 
 
 def pair_figure(traces: Mapping[str, Mapping[str, Any]], first: str, second: str) -> Any:
-    """Draw displacement, error and command of two controllers that the reader chooses.
+    """Draw the reference, and error and command of two controllers that the reader chooses.
 
     The choice is for pages alone: returns a Plotly figure.
     """
     names = list(traces)
-    step_ms = 1e3 * traces[names[0]]["step_s"]
-    reference = single(traces[names[0]]["reference_um"])
+    stride = -(-len(traces[names[0]]["reference_um"]) // _PAIR_SAMPLES)
+    step_ms = stride * 1e3 * traces[names[0]]["step_s"]
+    reference = single(traces[names[0]]["reference_um"][::stride])
     marks: list[list[Mark]] = [
         [Series(step_ms, reference, "reference", REFERENCE, width=3.0)], [], [],
     ]  # fmt: skip
@@ -240,18 +245,18 @@ def pair_figure(traces: Mapping[str, Mapping[str, Any]], first: str, second: str
     )
     for role, chosen, colour, dash, place in roles:
         for name in names:
-            for row, key in enumerate(("displacement_um", "error_um", "command_V")):
+            for row, key in enumerate(("error_um", "command_V"), start=1):
                 marks[row].append(
                     Series(
-                        step_ms, single(traces[name][key]), f"{role}: {name}", colour, dash, 1.5,
-                        visible=name == chosen, listed=row == 0,
+                        step_ms, single(traces[name][key][::stride]), f"{role}: {name}", colour, dash, 1.5,
+                        visible=name == chosen, listed=row == 1,
                     )
                 )  # fmt: skip
         menus.append(_menu(role, names, chosen, place))
-    axes = (Axis("Displacement (µm)"), Axis("Error (µm)"), Axis("Command (V)"))
+    axes = (Axis("Reference (µm)"), Axis("Error (µm)"), Axis("Command (V)"))
     panels = [Panel(part, y=axis) for part, axis in zip(marks, axes, strict=True)]
     panels[-1] = Panel(marks[-1], Axis("Time (ms)"), axes[-1])
-    figure = plotly_figure(stacked(panels, (0.38, 0.31, 0.31), 810))
+    figure = plotly_figure(stacked(panels, (0.2, 0.45, 0.35), 760))
     order = [trace.name for trace in figure.data]
     for role, menu in zip("AB", menus, strict=True):
         members = [i for i, name in enumerate(order) if name.startswith(f"{role}: ")]
@@ -279,7 +284,7 @@ def measured_charts(traces: Mapping[str, Mapping[str, Array]]) -> dict[str, Char
     charts = {}
     for record, columns in traces.items():
         applied = columns["applied"]
-        kept = thin_index(applied, samples=800)
+        kept = thin_index(applied, samples=_RECORD_SAMPLES)
         t = columns["t_s"][kept]
         above: list[Mark] = [Series(t, applied[kept], "applied", INK, width=3.0)]
         below: list[Mark] = []

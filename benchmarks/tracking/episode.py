@@ -17,6 +17,7 @@ from rdpi_gym.envs.controller import Controller, warning_of
 from rdpi_gym.envs.tracking import NoiseSource
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.words import number
 
 TIMED_SAMPLES = 300
 _GIVEN_UP_S, _FEWEST = 1.0, 3
@@ -114,6 +115,14 @@ def timed_recording(
     controller = make(truths)
     recording = record(controller, truths, layout, references_um, rngs)
     return recording, warning_of(controller), timed
+
+
+BELOW_NOISE = "below sensor noise"
+
+
+def shown_error(value: float, error_um: float, noise_um: float, digits: int = 3) -> str:
+    """Write an error in any unit, if the sensor that has some noise (µm rms) can show it at all."""
+    return BELOW_NOISE if error_um < noise_um else number(value, digits)
 
 
 ERROR, DIVERGED, UNSTABLE, SATURATED, EXTRAPOLATED, WARNED = (

@@ -110,28 +110,32 @@ def drawn(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Rank the controllers by the geometric mean of their RMSE (%) over all cases.
+    """Rank the controllers by paired comparisons of their RMSE (%) over all cases.
 
-    The mean is taken for each seed, as are those of the RMSE (µm) and of the optimality gaps, and
+    The geometric mean is taken for each seed, as are those of the RMSE (µm) and of the optimality gaps, and
     the mean rank (by RMSE within each case, the bound aside; a row with an error is last). Each is
     given as the mean over the drawn seeds, with its confidence interval.
 
-    Two controllers are tied where the confidence interval of their paired difference includes zero:
-    that of the mean, over the drawn seeds, of the difference of the logarithms of their geometric
-    means, by Student's t. The bound has no rank.
+    A controller is better than another where the confidence interval of their paired difference is
+    below zero: that of the mean, over the drawn seeds, of the difference of the logarithms of their
+    geometric means, by Student's t. Its rank is one more than the number of better ones; controllers
+    of one rank are in the order of their means. The bound has no rank.
     """
     rivals = table[table["controller"] != FULL_PREVIEW]
     errors = rivals["rmse_um"].fillna(np.inf)
     ranks = errors.groupby([rivals[name] for name in [*CASE, "seed"]]).rank(method="average")
     table = table.assign(case_rank=ranks)
     lines = [_line(str(name), rows) for name, rows in table.groupby("controller", sort=False)]
-    ranked = pd.DataFrame(lines, columns=[*RANKING, "cautions"]).sort_values(
-        ["rmse_percent", "mean_rank"], na_position="last", ignore_index=True
-    )
+    ranked = pd.DataFrame(lines, columns=[*RANKING, "cautions"])
     labels = _labels(rivals, [str(name) for name in ranked["controller"]])
     for column in ("rank", "places"):
         ranked[column] = [labels[name][column] for name in ranked["controller"]]
-    return ranked
+    place = ranked["rank"].str.rstrip("=").replace({"bound": "0", "–": "inf"}).astype(float)
+    return (
+        ranked.assign(place=place)
+        .sort_values(["place", "rmse_percent", "mean_rank"], na_position="last", ignore_index=True)
+        .drop(columns="place")
+    )
 
 
 def _line(controller: str, rows: pd.DataFrame) -> dict[str, object]:
@@ -159,18 +163,14 @@ def _labels(rivals: pd.DataFrame, order: Sequence[str]) -> dict[str, dict[str, s
     names = [name for name in order if name in logs.columns and logs[name].notna().all()]
     n = len(names)
     worse = np.array([[exceeds(logs[a] - logs[b]) for b in names] for a in names])
-    tied = ~(worse | worse.T) if n else worse
     labels = {name: {"rank": "–", "places": "–"} for name in order}
     labels[FULL_PREVIEW] = {"rank": "bound", "places": "–"}
-    first = 0
+    ranks = (1 + worse.sum(axis=1)).tolist() if n else []
     for i, name in enumerate(names):
-        if not tied[:i, i:].any():
-            first = i
-        last = next((k for k in range(i + 1, n) if not tied[:k, k:].any()), n)
-        best, worst = 1 + int(worse[i].sum()), n - int(worse[:, i].sum())
+        best, last = ranks[i], n - int(worse[:, i].sum())
         labels[name] = {
-            "rank": f"{first + 1}{'=' if last - first > 1 else ''}",
-            "places": f"{best} to {worst}" if best < worst else f"{best}",
+            "rank": f"{best}{'=' if ranks.count(best) > 1 else ''}",
+            "places": f"{best} to {last}" if best < last else f"{best}",
         }
     return labels
 
@@ -271,6 +271,11 @@ class Evaluation:
     def first_seed(self) -> int:
         """The first seed that was asked for."""
         return self.selection.seeds[0]
+
+    @property
+    def noise_um(self) -> Mapping[str, float]:
+        """Sensor noise (µm rms) of each plant."""
+        return {stage.plant.name: stage.plant.sensor.noise_um for stage in self.selection.stages}
 
     @property
     def shown_setting(self) -> tuple[str, float]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from baselines import FULL_PREVIEW
 from benchmarks.payoff.report import payoff_part, payoff_section
 from benchmarks.rows import paragraphs, write_csv
 from benchmarks.tracking import charts
-from benchmarks.tracking.episode import MEANING, words
+from benchmarks.tracking.episode import BELOW_NOISE, MEANING, shown_error, words
 from benchmarks.tracking.evaluation import (
     COLUMNS,
     CONFIDENCE,
@@ -22,10 +23,12 @@ from benchmarks.tracking.evaluation import (
     ranking_view,
 )
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
-from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
+from benchmarks.tracking.stages import NOISE_UM, SPREAD, SUITE_VERSION, Stage
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table, leading_rows, plain
+from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import number
 
 METHOD = f"""\
@@ -33,7 +36,7 @@ METHOD = f"""\
 - **Plants.** Every plant that scores has its rate low-passed at {RATE_BANDWIDTH_HZ:g} Hz at most, since a literal one rewards dither. Its displacement is measured with {1e3 * NOISE_UM:g} nm of white noise (one standard deviation) unless the plant states its own; only feedback sees the measurement.
 - **Truth and belief.** Every controller holds the nominal plant, its hysteresis without other effects (column `belief`). The truth (column `plant`) of seed 0 is that plant; of every other seed it is drawn around it: each weight, each gap between thresholds and δ2 by its own factor, uniform within 1 ± {SPREAD:g}. The seed also draws the noise and the phases of multisine and noise references. All controllers meet the same truths.
 - **Means and intervals.** Means over cases and seeds are geometric. An interval in brackets is the {100 * CONFIDENCE:g} % confidence interval of the mean over the drawn seeds, by Student's t on the logarithms; seed 0 is not among them.
-- **Rank.** By the mean RMSE (%). Two controllers are tied if the {100 * CONFIDENCE:g} % confidence interval of their paired difference over the drawn seeds includes zero (Student's t on the difference of the logarithms of their means). Controllers that a chain of ties connects share a rank, marked with `=`. `places` are the ranks that the paired differences of a controller with all others leave open.
+- **Rank.** One more than the number of controllers that are better: those for which the {100 * CONFIDENCE:g} % confidence interval of the paired difference over the drawn seeds is below zero (Student's t on the difference of the logarithms of their means). `=` marks a rank that several controllers have; they are in the order of their means. `places` are the ranks that the paired differences of a controller with all others leave open.
 - **Mean rank.** By RMSE within each case and seed, the bound aside.
 - **Status.** In how many rows of all: {"; ".join(f"`{word}`: {text}" for word, text in MEANING.items())}.
 - **Bound.** `{FULL_PREVIEW}` is no controller and has no rank. It holds the true plant of every row and the whole reference, and inverts the one along the other before it begins: what it leaves is what the sampling time, the command's range and the accuracy of its inversion leave. Nothing is measured, so noise costs it nothing. The benchmark gives the true plant to it alone.
@@ -59,8 +62,9 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         "`leaderboard.csv`, the rankings are in `ranking.csv`.",
         "\n".join(f"- {note}" for note in evaluation.notes),
         "## Ranking",
-        "Geometric mean of the RMSE over the cases, best first, with its confidence interval; `=` "
-        "marks a tie. `RMSE, seed 0`: where the belief is true.",
+        "Geometric mean of the RMSE over the cases, with its confidence interval. The rank is one "
+        "more than the number of controllers that are better beyond doubt; `=` marks a tie. "
+        "`RMSE, seed 0`: where the belief is true.",
         leading_rows(ranking_view(evaluation.ranking), "ranking.csv"),
     ]
     for ts, ranked in evaluation.where_trained.items():
@@ -209,71 +213,161 @@ _HEADINGS = {
     "extrapolated": "Beyond identification",
 }
 _WIDTHS = ("_low", "_high", "_half_width")
+_FIRST = 8
+"""Controllers in the first table, and in those and the figures that would grow too large with all."""
 
 
 def write_benchmark_page(
     path: Path, results: Evaluation, payoff: pd.DataFrame | None = None
 ) -> Path:
-    """Write the results as a self-contained page."""
-    cases, settings, measured = results.by_case, results.by_sampling_time, results.measured
-    frequency = charts.frequency_charts(cases.dropna(subset="rmse_percent"), results.order)
-    effort = charts.effort_charts(settings.dropna(subset="rmse_percent"), results.order)
-    pairs = _pairs(results)
+    """Write the results as a self-contained page: the leaders, and what unfolds."""
+    measured, ranked = results.measured, results.ranking
+    effort = charts.effort_charts(
+        results.by_sampling_time.dropna(subset="rmse_percent"), results.order
+    )
+    rivals = ranked[ranked["rank"] != "bound"]
+    rivals = ranked if rivals.empty else rivals
+    first = rivals.head(_FIRST)
+    leaders = [name for name in results.order if name in set(first["controller"])]
+    cases = results.by_case.dropna(subset="rmse_percent")
+    frequency = charts.frequency_charts(cases, leaders)
+    least_um = min(results.noise_um.values(), default=0.0)
     sections = [
-        _ranking_section(
-            "Ranking",
-            "Geometric mean of the RMSE over the cases, with its confidence interval over the drawn "
-            "truths. The upright bar marks the error where the plant equals the controller's belief.",
-            results.ranking,
+        Section(
+            "The leaders",
+            "RMSE in percent of the reference's peak to peak, geometric mean over all cases, with its "
+            "confidence interval over the drawn truths. = marks a rank that several have.",
+            _ranking_chart(first),
+            _leaders(first, least_um),
+        ),
+        _folded(
+            f"All {len(rivals)} controllers",
+            "The bound beside them knows the true plant. Places: the ranks that paired "
+            "differences leave open.",
+            _ranking_chart(ranked) if len(rivals) > _FIRST else None,
+            _ranking_table(ranked, least_um),
         ),
         *(
-            _ranking_section(f"Ranking at Ts = {ts:g} s", WHERE_TRAINED, ranked)
-            for ts, ranked in results.where_trained.items()
+            _folded(
+                f"Ranking at Ts = {ts:g} s", WHERE_TRAINED, None, _ranking_table(part, least_um)
+            )
+            for ts, part in results.where_trained.items()
         ),
-        Section("What the numbers mean", plain(METHOD)),
     ]
     if frequency:
         text = (
-            "Sines of full amplitude. Point at a mark to see its confidence interval. "
+            "The leaders on sines of full amplitude. Point at a mark to see its confidence interval. "
             f"{_LOOK} Click on an entry of the legend to hide it, double-click to see it alone."
         )
-        sections.append(Section("Error against frequency", text, frequency))
+        sections.append(_folded("Error against frequency", text, frequency))
     if effort:
         text = (
             "Geometric means over the references. Quiet commands are on the left; those that "
             "chatter, dither or pass noise on are on the right."
         )
-        sections.append(Section("Error against command effort", text, effort))
+        sections.append(_folded("Error against command effort", text, effort))
+    pairs = _pairs(results, leaders)
     if pairs:
         text = (
             "The first scored period of the first seed. Choose a reference here, and two "
             "controllers, A and B, in the figure."
         )
-        sections.append(Section("Traces of any pair", text, pairs))
+        sections.append(_folded("Traces of any pair", text, pairs))
     text = (
-        "Mean over the drawn truths with its confidence interval, and the total variation of the "
-        "command over the smallest that tracks. The single rows are in leaderboard.csv."
+        "RMSE (%) of the leaders on each reference at the shortest sampling time, geometric mean "
+        "over the drawn truths. Every row of every controller is in leaderboard.csv."
     )
-    sections.append(Section("Every case", text, table=table_view(cases)))
+    sections.append(_folded("Every reference", text, None, _by_reference(results, leaders)))
     if payoff is not None:
-        sections.append(payoff_section(payoff))
-    drawn = None if measured.table.empty else charts.measured_charts(measured.traces)
-    table = None if measured.table.empty else measured.table
-    sections.append(Section("On real input", plain(measured_text(measured)), drawn, table))
-    scope = (
-        f"{len(results.order)} controllers were scored in {len(results.rows)} rows; the ranking is by "
-        "the geometric mean of the RMSE over all cases and drawn truths."
-    )
-    notes = "\n".join(f"- {note}" for note in results.notes)
-    summary = f"{results.answer}\n\n{scope}\n\n{notes}"
-    return write_page(path, "Tracking benchmark", summary, sections)
+        sections.append(replace(payoff_section(payoff), folded=True))
+    sections += [
+        _folded("On real input", plain(measured_text(measured)), *_on_real_input(measured)),
+        _folded("What the numbers mean", plain(METHOD)),
+    ]
+    if results.notes:
+        notes = "\n".join(f"- {note}" for note in results.notes)
+        sections.append(_folded("What was left out", notes))
+    scope = f"{len(rivals)} controllers were scored in {len(results.rows)} rows."
+    return write_page(path, "Tracking benchmark", f"{results.answer}\n\n{scope}", sections)
 
 
-def _ranking_section(title: str, text: str, ranked: pd.DataFrame) -> Section:
-    finished = ranked["rmse_percent"].notna().any()
-    return Section(
-        title, text, charts.ranking_chart(ranked) if finished else None, table_view(ranked)
+def _folded(
+    title: str, text: str, figure: Any = None, table: pd.DataFrame | None = None
+) -> Section:
+    return Section(title, text, figure, table, folded=True)
+
+
+def _ranking_chart(ranked: pd.DataFrame) -> Any:
+    return charts.ranking_chart(ranked) if ranked["rmse_percent"].notna().any() else None
+
+
+def _leaders(first: pd.DataFrame, noise_um: float) -> pd.DataFrame:
+    """Return what a reader wants first of a ranking."""
+    view = table_view(_readable(first, noise_um))
+    return view[[n for n in ("rank", "controller", *_ERRORS, "status") if n in view.columns]]
+
+
+_ERRORS = ("rmse_percent", "Interval (%)")
+
+
+def _ranking_table(ranked: pd.DataFrame, noise_um: float) -> pd.DataFrame:
+    """Return a ranking as a reader of the page sees it; gaps to the bound are in ``ranking.csv``."""
+    columns = (
+        "rank", "controller", "rmse_percent", "rmse_percent_low", "rmse_percent_high", "status",
+        "seed_0_rmse_percent", "mean_rank", "places", "command_total_variation",
+        "microseconds_per_sample",
+    )  # fmt: skip
+    shown = _readable(ranked, noise_um)
+    return table_view(shown[[name for name in columns if name in shown.columns]])
+
+
+def _readable(ranked: pd.DataFrame, noise_um: float) -> pd.DataFrame:
+    """Say of an error below the sensor noise that it is, and give no interval of it."""
+    below = ranked["rmse_um"] < noise_um
+    if not below.any():
+        return ranked
+    shown = [
+        shown_error(percent, um, noise_um)
+        for percent, um in zip(ranked["rmse_percent"], ranked["rmse_um"], strict=True)
+    ]
+    ends = {name: ranked[name].mask(below) for name in ("rmse_percent_low", "rmse_percent_high")}
+    return ranked.assign(rmse_percent=shown, **ends)
+
+
+def _by_reference(results: Evaluation, leaders: Sequence[str]) -> pd.DataFrame:
+    """Return the errors (%) of some controllers, one row a plant and reference."""
+    cases = results.by_case
+    shortest = cases.groupby("plant")["ts_s"].transform("min")
+    kept = cases[(cases["ts_s"] == shortest) & cases["controller"].isin(leaders)]
+    texts = [
+        shown_error(percent, um, results.noise_um[plant])
+        for percent, um, plant in zip(
+            kept["rmse_percent"], kept["rmse_um"], kept["plant"], strict=True
+        )
+    ]
+    named = kept.assign(
+        text=["< noise" if text == BELOW_NOISE else text for text in texts],
+        reference=kept["reference"] + " " + kept["frequency_hz"].map("{:g} Hz".format),
     )
+    keys = ["plant", "reference"]
+    wide = named.pivot(index=keys, columns="controller", values="text").fillna("–")
+    order = pd.MultiIndex.from_frame(named[keys].drop_duplicates())
+    return wide.reindex(index=order, columns=list(leaders)).reset_index()
+
+
+def _on_real_input(measured: MeasuredScores) -> tuple[Any, pd.DataFrame | None]:
+    """Return charts and table of the controllers that are nearest to what was applied."""
+    table = measured.table
+    if table.empty:
+        return None, None
+    best = table.groupby("controller")["rms_V"].mean().nsmallest(_FIRST).index
+    traces = {
+        record: {name: y for name, y in of.items() if name in {"t_s", "applied", *best}}
+        for record, of in measured.traces.items()
+    }
+    wanted = ("controller", "record", "rms_V", "rms_percent", "rms_um", "status")
+    shown = table.loc[table["controller"].isin(best), [n for n in wanted if n in table.columns]]
+    return charts.measured_charts(traces), table_view(shown)
 
 
 def table_view(frame: pd.DataFrame) -> pd.DataFrame:
@@ -295,17 +389,22 @@ def table_view(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(view)
 
 
-def _pairs(results: Evaluation) -> dict[str, Any]:
-    """Return the traces of the first seed by case, each a figure in which two can be chosen."""
-    by_case: dict[str, dict[str, Mapping[str, Any]]] = {}
+def _pairs(results: Evaluation, shown: Sequence[str]) -> dict[str, Any]:
+    """Return the traces of the first seed, each a figure in which two controllers can be chosen.
+
+    Of each plant and reference there is one, at the frequency nearest the middle.
+    """
+    by_case: dict[tuple[str, str], dict[float, dict[str, Row]]] = {}
     for row in results.rows:
-        if "trace" in row and row["seed"] == results.first_seed:
-            case = f"{row['plant']}, {row['reference']} {row['frequency_hz']:g} Hz"
-            name = f"{case}, Ts = {1e6 * row['ts_s']:g} µs"
-            by_case.setdefault(name, {})[row["controller"]] = row["trace"]
+        if "trace" in row and row["seed"] == results.first_seed and row["controller"] in shown:
+            of = by_case.setdefault((row["plant"], row["reference"]), {})
+            of.setdefault(row["frequency_hz"], {})[row["controller"]] = row
     drawn = {}
-    for name, traces in by_case.items():
-        ordered = {each: traces[each] for each in results.order if each in traces}
-        second = "none" if "none" in ordered else list(ordered)[-1]
-        drawn[name] = charts.pair_figure(ordered, next(iter(ordered)), second)
+    for (plant, reference), of in by_case.items():
+        hz = sorted(of)[len(of) // 2]
+        ts_s = next(iter(of[hz].values()))["ts_s"]
+        traces = {each: of[hz][each]["trace"] for each in shown if each in of[hz]}
+        second = "none" if "none" in traces else list(traces)[-1]
+        name = f"{plant}, {reference} {hz:g} Hz, Ts = {1e6 * ts_s:g} µs"
+        drawn[name] = charts.pair_figure(traces, next(iter(traces)), second)
     return drawn

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -46,6 +46,8 @@ TRUE_PLANT = "true plant"
 """Entry of tables in place of a belief for the bound."""
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
 _LENGTH_RATIO = 4.0
+Told: TypeAlias = Callable[[str, Mapping[str, float]], None]
+"""Called with a controller whose rows are all there, and its RMSE (%) by plant: the geometric mean."""
 
 
 @dataclass(frozen=True)
@@ -174,17 +176,18 @@ def benchmark(
     jobs: int = -1,
     progress: Progress | None = None,
     ray_address: str | None = None,
+    told: Told | None = None,
 ) -> Outcome:
     """Compute what is missing or failed and return every row that was asked for.
 
-    Without a folder no row is kept, and none carries a fingerprint.
+    Controllers are run one after the other, the bound last, and `told` hears of each. Without a folder no row is kept, and none carries a fingerprint.
     """
     if out is None:
         with TemporaryDirectory() as scratch:
-            return _compute(selection, Path(scratch), False, jobs, progress, ray_address)
+            return _compute(selection, Path(scratch), False, jobs, progress, ray_address, told)
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
-    return _compute(selection, out, True, jobs, progress, ray_address)
+    return _compute(selection, out, True, jobs, progress, ray_address, told)
 
 
 def _compute(
@@ -194,6 +197,7 @@ def _compute(
     jobs: int,
     progress: Progress | None,
     ray_address: str | None,
+    told: Told | None,
 ) -> Outcome:
     """Run the tasks whose rows a folder does not have."""
     tasks = _tasks(selection, stamped)
@@ -204,16 +208,39 @@ def _compute(
         expected = stamps.get(TRACKING.key(row), {})
         return any(row.get(name) != value for name, value in expected.items())
 
+    waiting: dict[str, list[TrackingKey]] = {}
+    for key in stamps:
+        waiting.setdefault(key[0], []).append(key)
+    order = [name for name in waiting if name != FULL_PREVIEW]
+    waiting = {name: waiting[name] for name in order if told is not None}
+
+    def tell(stage: str, done: int, total: int) -> None:
+        if progress is not None:
+            progress(stage, done, total)
+        for name in [n for n, keys in waiting.items() if store.rows.keys() >= set(keys)]:
+            rows = [store.rows[key] for key in waiting.pop(name)]
+            if told is not None and done:
+                told(name, _by_plant(rows))
+
     groups = [replace(task, lanes=lanes) for task in tasks for lanes in _alike(task)]
+    groups.sort(key=lambda task: ([*order, FULL_PREVIEW].index(task.controller), -task.samples))
     computed = complete(
-        store, sorted(groups, key=lambda task: -task.samples), run_task, row_keys, is_stale,
+        store, groups, run_task, row_keys, is_stale,
         name=TRACKING.key, note=notes.append,
         stale="Rows of changed code, plants or controllers were set aside in {.name}.",
         # a row that failed for want of a file or a package may succeed now
         is_finished=lambda row: words([row["status"]]) != {ERROR},
-        jobs=jobs, progress=progress, ray_address=ray_address,
+        jobs=jobs, progress=tell, ray_address=ray_address,
     )  # fmt: skip
     return Outcome([store.rows[key] for key in stamps], computed, tuple(notes))
+
+
+def _by_plant(rows: Sequence[Row]) -> dict[str, float]:
+    """Return the geometric mean of the RMSE (%) on each plant, NaN where a row has none."""
+    logs: dict[str, list[float]] = {}
+    for row in rows:
+        logs.setdefault(row["plant"], []).append(np.log(row.get("rmse_percent", np.nan)))
+    return {plant: float(np.exp(np.mean(each))) for plant, each in logs.items()}
 
 
 def _tasks(selection: Selection, stamped: bool) -> list[Task]:

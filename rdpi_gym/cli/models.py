@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import DataArgument, OutOption, SeedOption, as_typed, words
-from rdpi_gym.cli.tables import print_table
+from rdpi_gym.cli.options import DataArgument, OutOption, SeedOption, VerboseOption, as_typed, words
+from rdpi_gym.cli.tables import print_result, print_table
 from rdpi_gym.face.options import DataOptions
 from rdpi_gym.support.command_line import check_folder
 from rdpi_gym.support.errors import InputError
@@ -30,6 +30,7 @@ def fit(
     rate_bandwidth: float | None = None,
     core: str = "rdpi",
     seed: SeedOption = 0,  # accepted by every command; nothing is drawn at random here
+    verbose: VerboseOption = False,
 ) -> None:
     """Identify the RDPI model from a measurement, by Equations 9 and 10, or another kind of hysteresis.
 
@@ -66,9 +67,7 @@ def fit(
         else:
             model = rg.fit_core(records, core, progress=show)
         path = model.plant.save(out / "model.json")
-    print(model, records.describe(), sep="\n\n")
-    print_table(model.overview())
-    print(path)
+    print_result(model, records, [path], verbose)
 
 
 def compare(
@@ -85,6 +84,7 @@ def compare(
         ),
     ],
     out: OutOption = Path("results/compare"),
+    verbose: VerboseOption = False,
 ) -> None:
     """Compare models with a measurement: the error by record, frequency, amplitude, direction, time.
 
@@ -99,19 +99,20 @@ def compare(
         numbers = write_json(out / "compare.json", result.to_dict())
         show("drawing", 2, 3)
         page = result.page(out / "report.html")
-    for finding in result.findings.values():
-        print(f"- {finding}")
-    print_table(result.overview())
+    print_result(result, records, [numbers, page], verbose, further=_tests(result))
+
+
+def _tests(result: rg.Comparison | rg.ModelComparison) -> list[str]:
+    """Return what the tests without a model found, in lines."""
     one = result.comparisons[0] if isinstance(result, rg.ModelComparison) else result
     noticed = [check for check in one.checks if check.zone == "yes"]
     unclear = sum(check.zone == "cannot tell" for check in one.checks)
-    print(
+    return [
         f"Without a model: {len(noticed)} of {len(one.checks)} tests found something, "
-        f"{unclear} cannot tell."
-    )
-    for check in noticed:
-        print(f"- {check.sentence}")
-    print("", records.describe(), "", numbers, page, sep="\n")
+        f"{unclear} cannot tell.",
+        *(f"- {check.sentence}" for check in noticed),
+        "",
+    ]
 
 
 def simulate(

@@ -54,6 +54,9 @@ OutOption: TypeAlias = Annotated[
         callback=_folder,
     ),
 ]
+VerboseOption: TypeAlias = Annotated[
+    bool, typer.Option("--verbose", help="Print every finding, row, note and file.")
+]
 SeedOption: TypeAlias = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of every random draw.")
 ]

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import DataArgument, OutOption
-from rdpi_gym.cli.tables import print_table
+from rdpi_gym.cli.options import DataArgument, OutOption, VerboseOption
+from rdpi_gym.cli.tables import print_result
 from rdpi_gym.face.options import CandidateOptions, DataOptions, SearchOptions
 from rdpi_gym.support.progress import progress_bar
 
@@ -27,8 +27,9 @@ def carry_out(
     options: SearchOptions,
     out: Path,
     file_name: str,
+    verbose: bool,
 ) -> None:
-    """Read the data, search, write what is found, print it with the paths written.
+    """Read the data, search, write what is found, print it with the page's path.
 
     A model that was found is saved as ``model.json`` beside the JSON file of `file_name`.
     """
@@ -43,10 +44,7 @@ def carry_out(
         written.append(found.to_json(out / file_name))
         show("drawing", 0, 0)
         written.append(found.page(out / "report.html"))
-    print(found)
-    print_table(found.overview(), found.overview_title)
-    print(records.describe())
-    print("", *written, sep="\n")
+    print_result(found, records, written, verbose, found.overview_title)
 
 
 def diagnose(
@@ -54,12 +52,13 @@ def diagnose(
     search: CandidateOptions,
     reading: DataOptions,
     out: OutOption = Path("results/diagnose"),
+    verbose: VerboseOption = False,
 ) -> None:
     """Rank the effects that a model may miss, each refitted with it, by the error on validation records.
 
     Writes diagnosis.json and the page report.html; an interrupted run continues.
     """
-    carry_out(rg.diagnose, data, reading, search, out, "diagnosis.json")
+    carry_out(rg.diagnose, data, reading, search, out, "diagnosis.json", verbose)
 
 
 def add(
@@ -76,12 +75,13 @@ def add(
     search: SearchOptions,
     reading: DataOptions,
     out: OutOption = Path("results/add"),
+    verbose: VerboseOption = False,
 ) -> None:
     """Add an effect to a model, refit everything, and show the error before and after.
 
     Writes model.json, add.json and the page report.html.
     """
-    carry_out(partial(rg.add, effect), data, reading, search, out, "add.json")
+    carry_out(partial(rg.add, effect), data, reading, search, out, "add.json", verbose)
 
 
 def discover(
@@ -89,9 +89,10 @@ def discover(
     search: CandidateOptions,
     reading: DataOptions,
     out: OutOption = Path("results/discover"),
+    verbose: VerboseOption = False,
 ) -> None:
     """Fit, then find and add missing effects until nothing more improves the held-out error.
 
     Writes model.json, discovery.json and the page report.html; an interrupted run continues.
     """
-    carry_out(rg.discover, data, reading, search, out, "discovery.json")
+    carry_out(rg.discover, data, reading, search, out, "discovery.json", verbose)

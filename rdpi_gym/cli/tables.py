@@ -7,7 +7,23 @@ from typing import TYPE_CHECKING
 from rdpi_gym.support.terminal import console
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
     import pandas as pd
+
+    import rdpi_gym as rg
+
+    Found = (
+        rg.FitResult
+        | rg.CoreFit
+        | rg.KindChoice
+        | rg.Comparison
+        | rg.ModelComparison
+        | rg.SearchResult
+    )
+
+_MOST_ROWS = 12
 
 _SHORT = 24  # letters of a column that is never broken
 
@@ -42,3 +58,27 @@ def print_table(
     for row in zip(*cells, strict=True):
         shown.add_row(*row)
     console(width=width).print(shown)
+
+
+def print_result(
+    result: Found,
+    records: rg.Dataset,
+    written: Sequence[Path],
+    verbose: bool,
+    title: str = "",
+    further: Sequence[str] = (),
+) -> None:
+    """Print the answer, what supports it, a table, and the file written last; all there is if `verbose`.
+
+    `further` are lines of the latter alone, beside the records and every file that was written.
+    """
+    if verbose:
+        print(result)
+        print_table(result.overview(), title)
+        print(*further, records.describe(), "", *written, sep="\n")
+        return
+    print(*result.summary_lines(), sep="\n")
+    table = result.brief()
+    print_table(table.head(_MOST_ROWS), title)
+    more = len(table) - _MOST_ROWS
+    print(f"{written[-1]}{f' and --verbose have {more} more rows' if more > 0 else ''}")

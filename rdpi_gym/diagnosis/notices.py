@@ -41,7 +41,7 @@ class Code(Enum):
     TWICE = "same motion twice"
     OTHER_MOTION = "other motion"
     STANDARD = "standard protocol"
-    EFFECTS_APART = "effects apart"  # record of the standard protocol, two effects
+    EFFECTS_APART = "effects apart"  # record of the standard protocol, two effects; slowness
     LOOPS_WITHIN = "loops within a loop"  # kind of hysteresis, its rivals
     ONE_LOOP = "one loop at four rates"  # kind of hysteresis, its rivals
     NESTED = "nested loops"  # kind of hysteresis, its rivals

@@ -18,7 +18,7 @@ NONE, OTHER = "none", "something else"
 LEAST_PROBABLE = 0.5
 """Least probability of an effect that is added."""
 COVERED = 0.9
-"""Coverage of the set of probable effects."""
+"""Coverage of the set of probable effects, and least probability of one that is stated as missing."""
 # Shares of the excess beyond which nothing more is read from them: of a named effect, of another.
 _LEAST_SHARE, _LEAST_OTHER, _MOST_SHARE = 0.01, 0.003, 0.999
 _MOST_FLOORS, _MOST_RIVALS = 100.0, 3
@@ -191,6 +191,15 @@ def probabilities(
         chance(fitted.other, course.common),
         tuple(name for name, p in effects.items() if p >= fitted.least),
     )
+
+
+GRADES = ("", "probably", "possibly")
+"""Words that grade an answer, the surest first."""
+
+
+def grade(probability: float) -> str:
+    """Return the word of a probability (0 to 1): none from `COVERED` on, the last below `LEAST_PROBABLE`."""
+    return GRADES[(probability < COVERED) + (probability < LEAST_PROBABLE)]
 
 
 def of_classes(course: Course, calibration: Calibration | None = None) -> list[float]:

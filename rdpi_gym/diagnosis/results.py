@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from itertools import groupby
+from dataclasses import dataclass, field, replace
+from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -387,20 +387,62 @@ class SearchResult:
         return self.rounds[0] if self.rounds else ()
 
     @property
+    def stated(self) -> dict[str, Candidate]:
+        """Every effect of the steps, by name, with the share that the model with it removes."""
+        stated, floor, before = {}, self.noise_floor_um**2, self.base.validation_rmse_um**2
+        for step in self.steps:
+            after = step.errors.validation_rmse_um**2
+            alone = len(step.added) == 1 and before > floor
+            for c in step.added:
+                stated[c.effect] = replace(
+                    c, share=(before - after) / (before - floor) if alone else c.share
+                )
+            before = after
+        return stated
+
+    @property
+    def stated_rounds(self) -> tuple[tuple[Candidate, ...], ...]:
+        """Candidates of each round; what was added has the errors and the share of the model with it."""
+        stated, found = self.stated, []
+        for candidates in self.rounds:
+            chosen = list(takewhile(lambda c: c.effect in stated, candidates))
+            first = [replace(stated.pop(c.effect), remarks=c.remarks) for c in chosen]
+            found.append((*first, *candidates[len(chosen) :]))
+        return tuple(found)
+
+    @property
+    def ranking(self) -> tuple[Candidate, ...]:
+        """The candidates of the first round as they are stated, best first."""
+        return self.stated_rounds[0] if self.rounds else ()
+
+    def certainty(self, candidate: Candidate) -> float:
+        """Probability of an effect (0 to 1); where none is known, of a diagnosis, its confidence."""
+        known = {} if self.probabilities is None else self.probabilities.effects
+        return known.get(candidate.effect, candidate.confidence)
+
+    @property
     def headline(self) -> str:
         """The answer in one line: which effect, how large, error before and after, noise."""
-        known = {effect.name: effect for effect in self.plant.effects}
+        known = {effect.name: sized(effect) for effect in self.plant.effects}
         removal = self.kind == "removal"
         names = self.removed if removal else [c.effect for c in self.added]
         before = self.given if removal and self.given is not None else self.base
+        sure = {c.effect: self.certainty(c) for c in self.added}
+        # a confidence is that in the effect or a rival
+        rivals = {
+            c.effect: f" (or {joined(c.indistinguishable)})"
+            for c in self.added
+            if c.indistinguishable and self.probabilities is None and self.kind != "addition"
+        }
         said = headline(
             self.kind,
-            [sized(known[name]) if name in known else name for name in names],
+            {known.get(n, n) + rivals.get(n, ""): sure.get(n, 1.0) for n in names},
             (before.validation_rmse_um, self.final.validation_rmse_um),
             self.noise_floor_um,
             self.verdict,
             self.undecided,
             self.sampling if self.reservation is None else request_of(self.reservation),
+            1.0 if self.probabilities is None else self.probabilities.none,
         )
         return self.quantities.fill(said)
 

@@ -67,7 +67,7 @@ CHECKS: Mapping[str, str] = {
     "few frequencies/no": _REVERSALS + "Hz.",
     "no long holds/no": "After a move the command rests for up to {longest:~3} s.",
     "no long holds/yes": "The longest rest after a move takes {longest:~3} s: creep and drift show "
-    "over tens of seconds.",
+    "over decades of time.",
     "no repetition/record": "{second} has the command of {first}: noise and drift can be told from "
     "the actuator.",
     "no repetition/period": "{record} repeats its period: noise can be told from the actuator.",
@@ -224,7 +224,7 @@ ADVICE: Mapping[str, str] = {
     "fading triangle": "Add a slow triangle whose amplitude decays from the full range to nothing.",
     "four frequencies": "Add sines at four frequencies over a decade or more, and pairs of the same "
     "largest rate (A at f, A/4 at 4 f).",
-    "add holds": "Add steps up and down with holds from 0.05 to 50 s.",
+    "add holds": "Add steps up and down with holds over three decades of time.",
     "repeat at the end": "Repeat the first record at the end.",
     "repeat at the very end": "Repeat the first record at the end of the experiment.",
     "widen range": "Measure again with a wider range, or leave these samples out (mask_s).",
@@ -233,7 +233,7 @@ ADVICE: Mapping[str, str] = {
     "twenty periods": "Record twenty periods or more of a sine.",
     "one clock": "Sample both channels by one clock.",
     "two quiet seconds": "Record two seconds at constant command, sampled at 500 Hz or more.",
-    "quiet minute": "Record a minute or more at constant command, after a long rest.",
+    "quiet minute": "Record at constant command, after a long rest, for as long as the experiment took.",
     "minor loops": "Take minor loops of one span at three biases, three times each, at one slow rate.",
     "four amplitudes": "Take sines at four amplitudes up to the full range, the frequency lower in "
     "proportion as the amplitude is larger.",
@@ -247,7 +247,7 @@ ADVICE: Mapping[str, str] = {
     "threshold, up to a fifth of the sampling rate, in eight periods or more.",
     "smaller multisine": "Repeat the small multisine at a third of its amplitude: plays stop, "
     "backlash grows.",
-    "stair of holds": "Take a stair of steps up and down with holds from 0.05 to 50 s: creep goes on "
+    "stair of holds": "Take a stair of steps up and down with holds over three decades of time: creep goes on "
     "in the direction of the last step, drift does not.",
 }
 """Experiments and actions that would let a test decide."""
@@ -275,8 +275,8 @@ _WIDTH = (
     " than the model's, which suggests weights or thresholds that are off (or, where it changes with "
     "frequency, a lag or the rate law)."
 )
-_NEAR = "{width} Near {place:.3g} {input_unit} it is {gap:output} "
-_ALONG = ": the loop's shape differs along the command."
+_NEAR = "Near {place:.3g} {input_unit} the measured loop is {gap:output} "
+_ALONG = " than the model's: its shape differs along the command. {width}"
 _COURSE = (
     "from {low:~3} to {high:~3} {unit} the RMS error goes from {first:output} to {last:output}"
 )
@@ -286,6 +286,8 @@ _KINDS = {
     "grows": "The error grows with {}: ",
     "falls": "The error falls with {}: ",
     "stays": "The error changes little with {}: ",
+    "grows relatively": "Relative to the stroke, the error grows with {}: ",
+    "falls relatively": "Relative to the stroke, the error falls with {}: ",
 }
 _OTHER = {"frequency": "amplitude", "amplitude": "frequency"}
 _FOLLOWS = (
@@ -300,8 +302,8 @@ _CLOCK = (
 )
 _STRAIGHT = ", with {percent:.0f} % of its moves on a straight line: "
 _BAND = (
-    "Most of what is more than noise lies between {low:~2} and {high:~2} Hz, the most near "
-    "{frequency_hz:~2} Hz ({size:output} rms). {percent:.0f} % of the squared error is coherent with "
+    "Most of the error above noise lies between {low:~2} and {high:~2} Hz, the most near "
+    "{frequency_hz:~2} Hz ({size:output} rms), and {percent:.0f} % of the squared error is coherent with "
     "the command"
 )
 _HARMONICS = "In {record} ({frequency_hz:~3} Hz) {percent:.0f} % of the squared error ({size:output} rms) is "
@@ -328,9 +330,9 @@ COMPARISON: Mapping[str, str] = {
     "error/test": "Error {test:output} on the test records" + _RMS,
     "overall/noise": "{sizes} The error is hardly more than noise.",
     "overall/systematic": "{sizes} Nearly all of the squared error is systematic: a better model could "
-    "take it.",
+    "remove it.",
     "overall/mixed": "{sizes} About {percent:.0f} % of the squared error is systematic: a better model "
-    "could take it.",
+    "could remove it.",
     "records/one": "There is one record only, so nothing can be said about how the error differs "
     "between records.",
     "records/alike": _LARGEST + "; the records are alike.",
@@ -393,7 +395,7 @@ COMPARISON: Mapping[str, str] = {
     "tell how much of the error follows from command and rate alone.",
     "plane/most": _FOLLOWS + ": most of the error is a repeatable function of the two.",
     "plane/part": _FOLLOWS + "; the rest depends on the past of the command, on time, or is noise.",
-    "plane/little": _FOLLOWS + ": what is left depends on the past of the command, on time, or is "
+    "plane/little": _FOLLOWS + ": the rest depends on the past of the command, on time, or is "
     "noise.",
     "since_rest/none": "The command does not rest for long enough after a move to another place: these "
     "records cannot tell whether creep is missing.",
@@ -404,9 +406,11 @@ COMPARISON: Mapping[str, str] = {
     "when the command stops, rather than creep.",
     "since_rest/on far": _ON + " in the direction of the move ({slope:output} a decade): creep is "
     "missing.",
-    "since_rest/back far": _BACK
-    + ", against the direction of the move: the model creeps too much, or "
-    "something drifts.",
+    "since_rest/back lag": _BACK
+    + ", but hardly any more in the later half of that: a lag or a resonance, rather than creep.",
+    "since_rest/back far": _BACK + ", against the direction of the move: something drifts.",
+    "since_rest/back creep": _BACK
+    + ", against the direction of the move: the model creeps too much, or something drifts.",
     "clock/overlap": "The records' times overlap, so there is no common clock: a drift from record to "
     "record cannot be seen.",
     "clock/few": "There are too few samples to tell a drift over the experiment.",
@@ -425,10 +429,10 @@ COMPARISON: Mapping[str, str] = {
     },
     "spectrum/short": "The records are too short for a spectrum of the error.",
     "spectrum/noise": "In no band of frequencies is the error much more than noise.",
-    "spectrum/slow": "Most of what is more than noise lies below {edge_hz:~2} Hz, slower than a spectrum "
+    "spectrum/slow": "Most of the error above noise lies below {edge_hz:~2} Hz, slower than a spectrum "
     "of these records resolves: what of it follows the command cannot be told from it.",
     "spectrum/coherent/most": _BAND
-    + ": most of it could be taken by a linear filter, such as a gain, a delay, "
+    + ": a linear filter could remove most of it, such as a gain, a delay, "
     "a lag, a resonance or creep.",
     "spectrum/coherent/part": _BAND
     + "; the rest is shape of the loops, drift, disturbance or noise.",
@@ -518,35 +522,34 @@ REQUESTS: Mapping[Code, tuple[str, str]] = {
 }
 NOTICES: Mapping[Code, str] = {
     **{code: ": ".join(parts) for code, parts in REQUESTS.items()},
-    Code.STILL: "No record moves: nothing can be told of any effect.",
-    Code.FEW_SAMPLES: "{n0:.0f} samples to fit: small effects cannot be told from the freedom of the "
-    "fit ({n1:.0f} or more would do).",
+    Code.STILL: "No record moves, so no effect can be identified.",
+    Code.FEW_SAMPLES: "Only {n0:.0f} samples to fit ({n1:.0f} or more are needed), so small effects "
+    "cannot be separated from overfitting.",
     Code.UNRELATED: "{percent:~2} % of the {output}'s power follows the command: check the columns "
     "and the sensor before any effect is believed.",
-    Code.ONE_RECORD: "1 record: nothing is held out but a part of it, so what differs between "
-    "experiments cannot be told.",
-    Code.FEW_HALF_CYCLES: "{n0:.0f} whole half-cycles: memory at several depths cannot be told from "
-    "the shape of one branch.",
-    Code.ONE_FREQUENCY: "1 frequency ({n0:~3} Hz): a lag, a delay, a resonance and the rate law look "
-    "alike.",
-    Code.ONE_AMPLITUDE: "1 amplitude: whether the gain depends on amplitude or on bias, and memory "
-    "at other depths, cannot be told.",
-    Code.NO_REST: "No rest after a move: creep, drift and slow recovery cannot be told apart.",
-    Code.NO_SMALL_SIGNALS: "No small signals: lags cannot be told from the motion of plays.",
-    Code.NO_REPETITION: "No repetition: what does not follow from the command cannot be told from "
-    "what the model lacks.",
+    Code.ONE_RECORD: "One record, of which only a part is held out, so differences between experiments "
+    "cannot be seen.",
+    Code.FEW_HALF_CYCLES: "Only {n0:.0f} whole half-cycles, so memory at several depths cannot be "
+    "separated from the shape of one branch.",
+    Code.ONE_FREQUENCY: "One frequency ({n0:~3} Hz), so a lag, a delay, a resonance and the rate law "
+    "cannot be separated.",
+    Code.ONE_AMPLITUDE: "One amplitude, so a gain that depends on amplitude or on bias, and memory at "
+    "other depths, cannot be seen.",
+    Code.NO_REST: "No rest after a move, so creep, drift and slow recovery cannot be separated.",
+    Code.NO_SMALL_SIGNALS: "No small-amplitude data, so lags cannot be separated from hysteresis.",
+    Code.NO_REPETITION: "No repetition, so disturbances cannot be separated from missing effects.",
     Code.LONGER: "Record longer, or faster: a few thousand samples while the command moves.",
     Code.DECAYING: "Record a slow triangle that decays from the full range to zero in twenty turns.",
     Code.RATES: "Record sines at four rates, up to ten times this one, their amplitude lower in "
     "proportion as they are faster.",
     Code.BIASES: "Record a slow triangle that decays from the full range, and loops at three biases.",
-    Code.HOLDS: "Record steps up and down with holds from 0.05 to 50 s.",
+    Code.HOLDS: "Record steps up and down with holds over three decades of time.",
     Code.SMALL: "Record a small multisine, below the first threshold, where every play sticks.",
     Code.TWICE: "Record the same thing twice, at the beginning and at the end.",
     Code.OTHER_MOTION: "Record another kind of motion in a second file, to be held out.",
     Code.STANDARD: "Record the standard protocol: a slow decaying triangle, sines at several rates "
     "and amplitudes, a multisine, steps with long holds.",
-    Code.EFFECTS_APART: "Record other frequencies and amplitudes: of the standard protocol, {0} "
+    Code.EFFECTS_APART: "Record other frequencies and amplitudes: of the standard protocol{slowed}, {0} "
     "({purpose}; {seconds:g} s at {rate_hz:g} samples a second) tells {1} from {2} best.",
     Code.LOOPS_WITHIN: "Record loops within a loop, from small to large: some kinds close them, "
     "others drift; that tells {0} from {others}.",
@@ -603,8 +606,8 @@ RECORDS: Mapping[str, str] = {
     "in motion": _OF
     + "lie before the command has passed both of its extremes: the record begins in "
     "motion, and what came before it is unknown.",
-    "unknown past": "{samples} of {whole} samples at the beginning of {records} left out: they hang on "
-    "a history that nobody recorded.",
+    "unknown past": "{samples} of {whole} samples at the beginning of {records} left out of the fit and of "
+    "the verdict, not of the errors: their history was not recorded.",
     "clock/lead by one": "{samples:~3} sample: by so much the {output} of {records} leads its command, "
     "which no plant does; it was moved later by that.",
     "clock/lead": "{samples:~3} samples: by so much the {output} of {records} leads its command, which "
@@ -618,7 +621,7 @@ RECORDS: Mapping[str, str] = {
 }
 """Faults of records."""
 
-_LEFT = "what is left ({left:output} rms over the noise)"
+_LEFT = "the remaining squared error above noise"
 _HIDES = "an effect of less than {hidden:output} rms could hide"
 _SEEN = "a learner with memory predicts {learned:.0f} % of it on data it has not seen"
 _UNEVEN = ", too unevenly to be sure of more than {low:.0f} %"
@@ -628,7 +631,7 @@ _REPEATS = (
 _AT_LEAST = "At least {low:.0f} % of " + _LEFT + " follows from the input: {seen}."
 _LACKS = " The model lacks an effect, or has one or the hysteresis in another form."
 _DISTURBED = "at least {percent:.0f} % is a disturbance: "
-_OF_IT = " of what is left ({low:.0f} to {high:.0f} %; {before:output} to {after:output}): "
+_OF_IT = " of the squared residual ({low:.0f} to {high:.0f} %; {before:output} to {after:output}): "
 _GIVE = "give all inputs to a model, or hold the others still."
 _FEWER = (
     "the search read {read}: candidates, their shares and the steps between are of these; the model is "
@@ -647,26 +650,23 @@ SEARCH: Mapping[str, str] = {
     "simpler": "{effect} does not need the form {form}",
     "improbable": "{effect} was taken out again, as it is {percent:.0f} % probable: the validation error "
     "is {with_it:.4g} {output_unit} with it and {without:.4g} {output_unit} without",
-    "all beginnings": "with the beginnings that were left out the validation error is {error:.4g} "
-    "{output_unit}",
     "no portrait": "no portrait of what is missing could be drawn: {error}",
     "no refit": "a refit of the model {remark}; it stays where it was",
     "other core": "the core {core} with its own effects leaves {its:.4g} {output_unit} held out, "
     "{own_core} {own:.4g} {output_unit}: --core {core} shows it",
-    "law/none": "the thresholds stay those of the comb: that of Eq. 8 {remark}",
-    "law/kept": "thresholds of Eq. 8 with {plays} plays: validation error {after:.4g} {output_unit}, "
-    "{before:.4g} {output_unit} on the comb of the diagnosis",
-    "law/comb": "the thresholds stay those of the comb ({before:.4g} {output_unit}): Eq. 8 with {plays} "
-    "plays would leave {after:.4g} {output_unit} on validation records",
+    "law/none": "the thresholds stay free: those of Eq. 8 {remark}",
+    "law/kept": "the thresholds are those of Eq. 8 with {plays} plays; the validation error is "
+    "{change:+.0f} % beside that of free thresholds",
+    "law/comb": "the thresholds stay free: with those of Eq. 8 and {plays} plays the validation error "
+    "would be {change:+.0f} % beside theirs",
     "core gains": "core {core}: {used} gains that are not zero",
     "core numbers": "{parts}",
     "at bound": "{parameter} at its bound",
     "worse": "{record} becomes worse",
     "not ended": "the search did not end",
     "no first steps": "its first steps take nothing",
-    "evidence": "With {effect} refitted the validation error goes from {before:.4g} to {after:.4g} "
-    "{output_unit} ({percent:.0f} % of the excess over the noise), most on {record} ({most_before:.4g} "
-    "to {most_after:.4g} {output_unit}). {signature}",
+    "evidence": "The error falls most on {record}. {signature}",
+    "left/low": "At least {low:.0f} % of the remaining squared error above noise follows from the input.",
     "nothing tried": "nothing was tried beside the model: its own refit failed ({error})",
     "within records": "the records to validate on do not show what those to fit ask for, as a drift of "
     "a later record cannot be told from an earlier one: a quarter of every record, in blocks, is held "
@@ -679,12 +679,12 @@ SEARCH: Mapping[str, str] = {
     "read/step": "one sample in {step} of {records}",
     "fewer": _FEWER + " (one in {step} of those to fit enters the squares)" + _ERRORS,
     "fewer, all squares": _FEWER + _ERRORS,
-    "left": "What is left is {rest}.",
-    "left/clock": "What is left cannot be judged before the clock of {records} is right.",
-    "rest/noise": "the noise",
+    "left": "The residual is {rest}.",
+    "left/clock": "The residual cannot be judged before the clock of {records} is right.",
+    "rest/noise": "noise",
     "rest/between": "motion between the samples",
-    "rest/uneven": "what uneven sampling times change",
-    "rest/numerical": "the noise, and what a simulation of these records leaves open",
+    "rest/uneven": "an effect of uneven sampling times",
+    "rest/numerical": "noise and the error of the simulation",
     "core/kind": "Kind of hysteresis: {core}, the {title}",
     "core/confidence": " (confidence {percent:.0f} %)",
     "core/clockwise": "; the loops turn clockwise",
@@ -695,8 +695,8 @@ SEARCH: Mapping[str, str] = {
     "inputs/temperature": "The temperature",
     "inputs/one+temperature": "The input {inputs} and the temperature",
     "inputs/several+temperature": "The inputs {inputs} and the temperature",
-    "explains/alone little": "{what} explains little or nothing of what is left ({high:.0f} % at most).",
-    "explains/together little": "{what} together explain little or nothing of what is left ({high:.0f} % "
+    "explains/alone little": "{what} explains little or nothing of the residual ({high:.0f} % at most).",
+    "explains/together little": "{what} together explain little or nothing of the residual ({high:.0f} % "
     "at most).",
     "explains/alone": "{what} explains {share:.0f} %" + _OF_IT + _GIVE,
     "explains/together": "{what} together explain {share:.0f} %" + _OF_IT + _GIVE,
@@ -730,7 +730,7 @@ SEARCH: Mapping[str, str] = {
     + _LEFT
     + " follows from the input: {seen}, "
     "and neither repetitions nor quiet records show a disturbance; " + _HIDES + ".",
-    "unseen": "at most {percent:g} %, as no test without a model sees {effect} here: {reason_clause}",
+    "unseen": "no test without a model sees {effect} here: {reason_clause}",
     "vetoed": "{effect} vetoed: a test without a model denies it: {reason}",
 }
 """Findings and decisions of a search."""

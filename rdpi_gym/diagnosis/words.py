@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
 
 from rdpi_gym.diagnosis import texts
 from rdpi_gym.diagnosis.notices import Code, Notice, Statement
+from rdpi_gym.diagnosis.probability import GRADES, grade
 from rdpi_gym.measurement import Quantities, Quantity
 from rdpi_gym.measurement.quantities import SIDES, in_output, unit_template
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.signals.experiments import standard_protocol
-from rdpi_gym.support.words import closed, digits, joined, pm
+from rdpi_gym.support.words import capital, closed, digits, joined, pm
 
 T = TypeVar("T")
 # Fields of results that hold no text for a reader.
@@ -42,7 +43,7 @@ def text_of(found: Notice | Statement, quantities: Quantities = _PLAIN) -> str:
         elif isinstance(value, Statement):
             text = str(values[name]).rstrip(".")
             values[f"{name}_clause"] = text[:1].lower() + text[1:]
-            values[f"{name}_sentence"] = text[:1].upper() + text[1:]
+            values[f"{name}_sentence"] = capital(text)
     return quantities.text(texts.TEXTS[found.code], **values)
 
 
@@ -86,9 +87,11 @@ def _written(template: str, notice: Notice, quantities: Quantities) -> str:
     elif notice.code is Code.UNRELATED:
         values["percent"] = 100.0 * notice.numbers[0]
     elif notice.code is Code.EFFECTS_APART:
-        known = {experiment.name: experiment for experiment in standard_protocol(0.0, 1.0, 1.0)}
-        chosen = known[notice.names[0]]
+        slowness = (*notice.numbers, 1.0)[0]
+        protocol = standard_protocol(0.0, 1.0, 1.0, slowness=slowness)
+        chosen = {experiment.name: experiment for experiment in protocol}[notice.names[0]]
         values |= {
+            "slowed": "" if slowness == 1.0 else f", slowed {slowness:.0f}-fold",
             "purpose": chosen.purpose,
             "seconds": chosen.duration_s,
             "rate_hz": 1 / chosen.ts_s,
@@ -115,14 +118,19 @@ def sized(effect: Effect) -> str:
 
 def headline(
     asked: str,
-    effects: Sequence[str],
+    effects: Mapping[str, float],
     errors_um: tuple[float, float],
     noise_um: float,
     verdict: str,
     undecided: str | None,
     request: str | None,
+    nothing: float,
 ) -> str:
-    """Answer a search, as a template; `request` is what a reservation asks for."""
+    """Answer a search, as a template.
+
+    `effects` are names with their probabilities and `nothing` is that of none, which grade the answer;
+    `request` is what a reservation asks for.
+    """
     before, after = (in_output(error) for error in errors_um)
     noise = f"noise {in_output(noise_um)}"
     rest = "" if request is None else f" {closed(request)}"
@@ -131,20 +139,30 @@ def headline(
         if undecided is not None:
             return f"Undecided. {undecided} {numbers}"
         if verdict == "no missing effect":
-            return f"Nothing is missing. {numbers}"
+            return capital(f"{grade(nothing)} nothing is missing. {numbers}".lstrip())
         return f"Unexplained: no effect of the catalogue improves held-out error. {numbers}"
-    verb = {"addition": "Added", "removal": "Removed"}.get(asked, "Missing")
     numbers = f"Error {before.removesuffix(' {output_unit}')} to {after}, {noise}.{rest}"
-    names = joined(effects)
+    verb = {"addition": "Added", "removal": "Removed"}.get(asked)
+    names = f"{verb}: {joined(list(effects))}" if verb else _missing(effects)
     if undecided is not None:
-        return f"{verb}: {names}. Undecided whether it is there. {undecided} {numbers}"
+        return f"{names}. Undecided whether it is there. {undecided} {numbers}"
     if asked == "addition" and errors_um[1] > _NO_BETTER * errors_um[0]:
-        return f"{verb}: {names}, which does not improve held-out error. {numbers}"
+        return f"{names}, which does not improve held-out error. {numbers}"
     if verdict != "unexplained" or asked == "removal":
-        return f"{verb}: {names}. {numbers}"
+        return f"{names}. {numbers}"
     if asked == "addition":
-        return f"{verb}: {names}, which leaves part of the error unexplained. {numbers}"
-    return f"{verb}: {names}, and something that no effect of the catalogue explains. {numbers}"
+        return f"{names}, which leaves part of the error unexplained. {numbers}"
+    return f"{names}, and something that no effect of the catalogue explains. {numbers}"
+
+
+def _missing(effects: Mapping[str, float]) -> str:
+    """Name what is missing, by grade, the surest first."""
+    groups = {word: [n for n, p in effects.items() if grade(p) == word] for word in GRADES}
+    return capital(
+        "; ".join(
+            f"{word} missing: {joined(names)}".lstrip() for word, names in groups.items() if names
+        )
+    )
 
 
 def _figures(value: float) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeAlias, overload
 
 import numpy as np
+import pandas as pd
 
 from rdpi_gym import diagnosis, measurement
 from rdpi_gym.diagnosis.search.discover import Inspection, Response
@@ -18,10 +19,9 @@ from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.checks import checked
+from rdpi_gym.support.words import first_sentence
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from rdpi_gym.report.chart import Chart
 
 _COLUMNS = {
@@ -51,10 +51,19 @@ class Comparison(DisplayMixin, diagnosis.Comparison):
     saved_as: ClassVar[str] = "comparison"
 
     def _lines(self) -> Sequence[str]:
-        heads = ("overall", "far", "range", "records", "largest")
-        said = [self.findings[key] for key in heads if key in self.findings]
+        order = dict.fromkeys(("far", "range", *self.leading, *self.findings))
+        said = [self.findings[k] for k in order if k in self.findings and k != "overall"]
         noticed = [check.sentence for check in self.checks if check.zone == "yes"]
-        return [said[0], *(f"- {text}" for text in (*said[1:], *noticed))]
+        return [self.findings["overall"], *(f"- {text}" for text in (*said, *noticed))]
+
+    def _evidence(self) -> Sequence[str]:
+        keys = [key for key in ("far", "range", *self.leading) if key in self.findings]
+        return [first_sentence(self.findings[key]) for key in keys[:3]]
+
+    def brief(self) -> pd.DataFrame:
+        """Return the errors record by record, the largest first."""
+        order = self.records["rmse_um"].to_numpy().argsort()[::-1]
+        return self.overview().iloc[order]
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the errors record by record; see :attr:`records`."""
@@ -101,6 +110,14 @@ class ModelComparison(DisplayMixin, diagnosis.ModelComparison):
     def _lines(self) -> Sequence[str]:
         first, *rest = self.findings.values()
         return [first, *(f"- {text}" for text in rest)]
+
+    def _evidence(self) -> Sequence[str]:
+        return [first_sentence(text) for text in list(self.findings.values())[1:4]]
+
+    def brief(self) -> pd.DataFrame:
+        """Return the errors by role, the noise floor, and the errors by record."""
+        table, count = self.overview(), len(self.comparisons[0].records)
+        return pd.concat([table.iloc[count:], table.iloc[:count]])
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the errors (µm) by record and role, a column a model; see :attr:`records`."""

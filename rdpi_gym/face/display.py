@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkab
 
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import capital
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,9 +87,21 @@ class DisplayMixin:
         """Return the result in lines, the answer first."""
         raise NotImplementedError
 
+    def _evidence(self) -> Sequence[str]:
+        """Return at most three sentences that support the answer."""
+        return [capital(line.removeprefix("- ")) for line in self._lines()[1:4]]
+
+    def summary_lines(self) -> list[str]:
+        """Return the answer, and at most three sentences that support it."""
+        return list(map(self._quantities().fill, [self._lines()[0], *self._evidence()]))
+
     def overview(self) -> pd.DataFrame:
-        """Return the table that a notebook and the terminal show: units in headings or cells."""
+        """Return the table that a notebook shows: units in headings or cells."""
         raise NotImplementedError
+
+    def brief(self) -> pd.DataFrame:
+        """Return the rows and columns of :meth:`overview` that support the answer, the first ones first."""
+        return self.overview()
 
     def _chart(self) -> Chart:
         """Return the chart that a notebook's cell and :meth:`plot` show."""

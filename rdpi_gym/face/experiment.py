@@ -136,7 +136,9 @@ def plan_experiment(
     scale = data_scale((*dataset.train, *dataset.validation))
     first_V = max(as_plant(model).hysteresis.first_threshold_V, _SMALLEST * scale.span_V)
     names = notice.records
-    known = {e.name: e for e in standard_protocol(scale.centre_V, scale.span_V, first_V)}
+    slowness = scale.slowness
+    protocol = standard_protocol(scale.centre_V, scale.span_V, first_V, slowness=slowness)
+    known = {e.name: e for e in protocol}
     parts = [known[name] for name in names if name in known]
     if not parts:
         return None
@@ -147,13 +149,11 @@ def plan_experiment(
             f"rate_hz is {rate:g}, too slow for {parts[0].name}; give {_SLOWEST * fastest:g} to {fastest:g}"
         )
     low, high = scale.centre_V - scale.span_V, scale.centre_V + scale.span_V
-    played = [
-        part.signal(np.arange(round(part.duration_s * rate)) / rate)
-        for part in parts
-        if _fits(part.duration_s, rate)
-    ]
+    played = [part.command_V(1.0 / rate) for part in parts if _fits(part.duration_s, rate)]
     rest = min(max(0.0, low), high)
-    u_V = np.clip(_one_after_the_other(played, rest, max(round(PAUSE_S * rate), 1)), low, high)
+    u_V = np.clip(
+        _one_after_the_other(played, rest, max(round(slowness * PAUSE_S * rate), 1)), low, high
+    )
     text = text_of(notice)
     return PlannedExperiment(joined(names), text, rate, *_timed(u_V, rate), dataset.quantities)
 

@@ -18,7 +18,7 @@ from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.support.checks import checked, unknown_name
 from rdpi_gym.support.progress import Progress
-from rdpi_gym.support.words import joined, pm
+from rdpi_gym.support.words import capital, closed, joined, pm
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,6 +132,15 @@ class FitResult(DisplayMixin, identification.FitResult):
                 for name, unit, value, error, (low, high) in rows
             ]
         )
+
+    def _evidence(self) -> Sequence[str]:
+        first = dict.fromkeys((*self.warnings[:1], *self.warnings[-1:]))
+        return [self._lines()[1], *(closed(capital(warning)) for warning in first)]
+
+    def brief(self) -> pd.DataFrame:
+        """Return the weights; δ1 and δ2 stand in a sentence."""
+        table = self.overview()
+        return table[table["parameter"].str.startswith("a_")]
 
     def _chart(self) -> Chart:
         from rdpi_gym.report.result_pages import fit_chart

@@ -24,7 +24,7 @@ from rdpi_gym.face.options import CandidateOptions, SearchOptions
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, check_effect, load_effect
-from rdpi_gym.report.discovery_text import lines, staircase
+from rdpi_gym.report.discovery_text import evidence, lines, staircase
 from rdpi_gym.support.checks import check_type, checked, unknown_name
 from rdpi_gym.support.documents import stored
 from rdpi_gym.support.errors import InputError
@@ -143,6 +143,9 @@ class SearchResult(DisplayMixin, results.SearchResult):
     def _lines(self) -> Sequence[str]:
         return [*lines(self), *map(closed, self.notes)]
 
+    def _evidence(self) -> Sequence[str]:
+        return evidence(self)
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return the models in order, each with its errors; of a diagnosis, the candidates.
 
@@ -164,7 +167,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
                         "confidence": c.confidence,
                         "indistinguishable": ", ".join(c.indistinguishable),
                     }
-                    for c in self.candidates
+                    for c in self.ranking
                 ]
             )
         floor = self.noise_floor_um
@@ -201,7 +204,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
                     "indistinguishable from": ", ".join(c.indistinguishable),
                     "remarks": "; ".join(c.remarks),
                 }
-                for c in self.candidates
+                for c in self.ranking
             ]
             return self._table_in_units(pd.DataFrame(rows), "validation")
         floor = self.noise_floor_um
@@ -220,6 +223,11 @@ class SearchResult(DisplayMixin, results.SearchResult):
             ]
         )
         return self._table_in_units(table, "training", "validation")
+
+    def brief(self) -> pd.DataFrame:
+        """Return :meth:`overview` without the rivals and remarks of candidates."""
+        notes = ["indistinguishable from", "remarks"]
+        return self.overview().drop(columns=notes, errors="ignore")
 
     def _chart(self) -> Chart:
         from rdpi_gym.report.discovery_charts import search_chart

@@ -187,13 +187,13 @@ def bound_warnings(
 
 
 def correlation_warning(lengths: Iterable[float]) -> list[str]:
-    """Say where the error of the fit is no noise: correlated from sample to sample."""
+    """Say where the residuals are correlated from sample to sample."""
     longest = max(lengths)
     if longest < _CORRELATED:
         return []
     return [
-        f"the error is no noise: it is correlated over about {longest:.0f} samples, so the model "
-        "misses something; standard errors are widened for that, not for what is missing"
+        f"residuals are correlated over about {longest:.0f} samples, so the model is incomplete; "
+        "standard errors are widened for the correlation, not for what is missing"
     ]
 
 

@@ -36,31 +36,20 @@ _VECTOR = 4
 _BLOCK, _PRODUCT = 512, 200_000
 
 
-@njit(cache=True)
-def _thresholds(delta1: float, n: int) -> Array:
-    """r_i at rest (V), filled up to whole vectors with plays that never move."""
-    rest = np.empty(-(-n // _VECTOR) * _VECTOR)
-    for i in range(rest.shape[0]):
-        rest[i] = delta1 * (i + 1) if i < n else np.inf
-    return rest
-
-
-@njit(cache=True)
-def _initial_memory(rest: Array, extremum: float, xi: Array) -> None:
-    """Play states after the way from rest to an extremum (V); 0 is the paper's condition."""
-    for i in range(rest.shape[0]):
-        if abs(extremum) > rest[i]:
-            xi[i] = extremum - np.sign(extremum) * rest[i]
-        else:
-            xi[i] = 0.0
-
-
 @njit(cache=True, fastmath=_FAST)
 def _fill(
-    stack: Stack, t: int, end: int, rest: Array, delta2: float, xi: Array, rows: Array
+    u: Array,
+    v: Array,
+    y: Array,
+    root: Array,
+    t: int,
+    end: int,
+    rest: Array,
+    delta2: float,
+    xi: Array,
+    rows: Array,
 ) -> tuple[int, int]:
     """Regressors of the samples from `t` on that count, as many as `rows` takes."""
-    u, v, y, root = stack.u_V, stack.rate_V_s, stack.y_um, stack.root_weight
     n = rows.shape[1] - 3
     k = 0
     while t < end and k < rows.shape[0]:
@@ -83,23 +72,24 @@ def _fill(
 
 @njit(cache=True, fastmath=_FAST)
 def _fill_tangents(
-    stack: Stack,
+    u: Array,
+    v: Array,
+    y: Array,
+    root: Array,
     t: int,
     end: int,
     rest: Array,
     delta2: float,
+    order: Array,
     weights: Array,
     xi: Array,
-    by: tuple[Array, Array, Array],
+    by1: Array,
+    by2: Array,
+    by3: Array,
     rows: Array,
 ) -> tuple[int, int]:
-    """As :func:`_fill`, with the tangents; `by` holds dξ_i by δ1, δ2 and the extremum."""
-    u, v, y, root = stack.u_V, stack.rate_V_s, stack.y_um, stack.root_weight
-    by1, by2, by3 = by
+    """As :func:`_fill`, with the tangents; `by1` ... `by3` hold dξ_i by δ1, δ2 and the extremum."""
     n = rows.shape[1] - 6
-    order = np.empty(rest.shape[0])
-    for i in range(rest.shape[0]):
-        order[i] = i + 1.0
     remembers = True  # until no play stands where the extremum left it
     k = 0
     while t < end and k < rows.shape[0]:
@@ -138,74 +128,95 @@ def _fill_tangents(
 
 
 @njit(cache=True)
-def _rows(columns: int) -> Array:
-    return np.empty((max(1, min(_BLOCK, _PRODUCT // columns**2)), columns))
+def _products(
+    u: Array,
+    v: Array,
+    y: Array,
+    root: Array,
+    edges: NDArray[np.int64],
+    delta1: float,
+    delta2: float,
+    extrema: Array,
+    weights: Array,
+    plays: Array,
+    rows: Array,
+    moments: Array,
+    gram: Array,
+    means: Array,
+) -> None:
+    """Fill `gram` and `means` by record, with tangents where there are weights; the rest is room.
+
+    One function, and room from outside: each function, slice and array of a kernel takes its time
+    to compile.
+    """
+    order, rest, padded = plays[0], plays[1], plays[2]
+    xi, by1, by2, by3 = plays[3], plays[4], plays[5], plays[6]
+    n, total, part = rows.shape[1] - 3, moments[0], moments[1]
+    if weights.shape[0] > 0:
+        n = weights.shape[0] - 1
+    for i in range(rest.shape[0]):
+        order[i] = i + 1.0
+        rest[i] = delta1 * (i + 1) if i < n else np.inf  # filled up with plays that never move
+        padded[i] = weights[i + 1] if i + 1 < weights.shape[0] else 0.0
+    for r in range(extrema.shape[0]):
+        extremum = extrema[r]
+        for i in range(rest.shape[0]):  # after the way from rest; 0 is the paper's condition
+            xi[i] = extremum - np.sign(extremum) * rest[i] if abs(extremum) > rest[i] else 0.0
+            by1[i] = -np.sign(xi[i]) * order[i]
+            by2[i] = 0.0
+            by3[i] = abs(np.sign(xi[i]))
+        for i in range(total.shape[0]):
+            for j in range(total.shape[1]):
+                total[i, j] = 0.0
+        t = edges[r]
+        while t < edges[r + 1]:
+            if weights.shape[0] > 0:
+                t, k = _fill_tangents(
+                    u, v, y, root, t, edges[r + 1], rest, delta2,
+                    order, padded, xi, by1, by2, by3, rows,
+                )  # fmt: skip
+            else:
+                t, k = _fill(u, v, y, root, t, edges[r + 1], rest, delta2, xi, rows)
+            np.dot(rows[:k].T, rows[:k], part)
+            for i in range(total.shape[0]):
+                for j in range(total.shape[1]):
+                    total[i, j] += part[i, j]
+        count = total[0, 0]
+        if count > 0.0:
+            for i in range(gram.shape[1]):
+                means[r, i] = total[0, i + 1] / count
+            for i in range(gram.shape[1]):
+                for j in range(gram.shape[2]):
+                    gram[r, i, j] = total[i + 1, j + 1] - means[r, i] * total[0, j + 1]
 
 
-@njit(cache=True)
-def _centre(moments: Array, gram: Array, means: Array) -> None:
-    count = moments[0, 0]
-    if count <= 0.0:
-        return
-    for i in range(gram.shape[0]):
-        means[i] = moments[0, i + 1] / count
-    for i in range(gram.shape[0]):
-        for j in range(gram.shape[1]):
-            gram[i, j] = moments[i + 1, j + 1] - means[i] * moments[0, j + 1]
+def _matrices(
+    stack: Stack, n: int, delta1: float, delta2: float, extrema: Array, weights: Array
+) -> tuple[Array, Array]:
+    records, size = extrema.size, n + (5 if weights.size else 2)
+    gram, means = np.zeros((records, size, size)), np.zeros((records, size))
+    rows = np.empty((max(1, min(_BLOCK, _PRODUCT // (size + 1) ** 2)), size + 1))
+    plays = np.empty((7, -(-n // _VECTOR) * _VECTOR))
+    moments = np.empty((2, size + 1, size + 1))
+    _products(*stack, delta1, delta2, extrema, weights, plays, rows, moments, gram, means)
+    return gram, means
 
 
-@njit(cache=True)
-def _add(sums: Array, part: Array) -> None:
-    for i in range(sums.shape[0]):
-        for j in range(sums.shape[1]):
-            sums[i, j] += part[i, j]
+_NO_WEIGHTS = np.empty(0)
 
 
-@njit(cache=True)
 def gram_matrices(
     stack: Stack, n: int, delta1: float, delta2: float, extrema: Array
 ) -> tuple[Array, Array]:
     """Products of the regressors of every record, each less its record's mean."""
-    records = extrema.shape[0]
-    gram, means = np.zeros((records, n + 2, n + 2)), np.zeros((records, n + 2))
-    rest, rows = _thresholds(delta1, n), _rows(n + 3)
-    xi = np.empty_like(rest)
-    for r in range(records):
-        _initial_memory(rest, extrema[r], xi)
-        moments = np.zeros((n + 3, n + 3))
-        t = stack.edges[r]
-        while t < stack.edges[r + 1]:
-            t, k = _fill(stack, t, stack.edges[r + 1], rest, delta2, xi, rows)
-            _add(moments, np.dot(rows[:k].T, rows[:k]))
-        _centre(moments, gram[r], means[r])
-    return gram, means
+    return _matrices(stack, n, delta1, delta2, extrema, _NO_WEIGHTS)
 
 
-@njit(cache=True)
 def tangent_matrices(
     stack: Stack, delta1: float, delta2: float, extrema: Array, weights: Array
 ) -> tuple[Array, Array]:
     """As :func:`gram_matrices`, with the columns of the tangents at weights a_0 ... a_n (µm/V)."""
-    records, n = extrema.shape[0], weights.shape[0] - 1
-    gram, means = np.zeros((records, n + 5, n + 5)), np.zeros((records, n + 5))
-    rest, rows = _thresholds(delta1, n), _rows(n + 6)
-    xi, padded = np.empty_like(rest), np.zeros_like(rest)
-    for i in range(n):
-        padded[i] = weights[i + 1]
-    by = (np.zeros_like(rest), np.zeros_like(rest), np.zeros_like(rest))
-    for r in range(records):
-        _initial_memory(rest, extrema[r], xi)
-        for i in range(n):
-            by[0][i] = -np.sign(xi[i]) * (i + 1)
-            by[1][i] = 0.0
-            by[2][i] = abs(np.sign(xi[i]))
-        moments = np.zeros((n + 6, n + 6))
-        t = stack.edges[r]
-        while t < stack.edges[r + 1]:
-            t, k = _fill_tangents(stack, t, stack.edges[r + 1], rest, delta2, padded, xi, by, rows)
-            _add(moments, np.dot(rows[:k].T, rows[:k]))
-        _centre(moments, gram[r], means[r])
-    return gram, means
+    return _matrices(stack, weights.size - 1, delta1, delta2, extrema, weights)
 
 
 BoolArray = NDArray[np.bool_]
@@ -214,13 +225,9 @@ _DEPENDENT = 1e-13
 
 
 @njit(cache=True)
-def cholesky_solve(matrix: Array, rhs: Array) -> tuple[bool, Array]:
-    """Solve a small symmetric system whose diagonal is one."""
-    k = rhs.shape[0]
-    upper, x = np.empty((k, k)), rhs.copy()
+def cholesky_solve(upper: Array, x: Array, k: int) -> bool:
+    """Solve the system of the first `k` rows in place, given its upper half; its diagonal is one."""
     for j in range(k):
-        for i in range(j, k):
-            upper[j, i] = matrix[i, j]
         m = 0
         while m + 4 <= j:  # four earlier rows at a time, along the row
             f0, f1, f2, f3 = upper[m, j], upper[m + 1, j], upper[m + 2, j], upper[m + 3, j]
@@ -234,7 +241,7 @@ def cholesky_solve(matrix: Array, rhs: Array) -> tuple[bool, Array]:
                 upper[j, i] -= upper[m, i] * f0
             m += 1
         if upper[j, j] <= _DEPENDENT:
-            return False, rhs.copy()
+            return False
         upper[j, j] = np.sqrt(upper[j, j])
         for i in range(j + 1, k):
             upper[j, i] /= upper[j, j]
@@ -245,65 +252,68 @@ def cholesky_solve(matrix: Array, rhs: Array) -> tuple[bool, Array]:
         for m in range(i + 1, k):
             x[i] -= upper[i, m] * x[m]
         x[i] /= upper[i, i]
-    return True, x
+    return True
 
 
 @njit(cache=True)
-def _solve_passive(gram: Array, rhs: Array, index: NDArray[np.int64]) -> tuple[bool, Array]:
-    k = index.shape[0]
-    matrix, part = np.empty((k, k)), np.empty(k)
-    for i in range(k):
-        part[i] = rhs[index[i]]
-        for j in range(k):
-            matrix[i, j] = gram[index[i], index[j]]
-    solved, x = cholesky_solve(matrix, part)
-    return solved, x
+def weights_of_records(
+    grams: Array, motion: float, floor: float, allowed: BoolArray, passive: BoolArray
+) -> tuple[Array, float]:
+    """Minimise the sum of the records' x'Gx - 2b'x + c for x >= 0 and x_0 >= floor, and return both.
 
-
-@njit(cache=True)
-def bounded_least_squares(
-    gram: Array, rhs: Array, allowed: BoolArray, floor: float, guess: BoolArray
-) -> tuple[Array, BoolArray]:
-    """Minimise x'Gx - 2b'x for x >= 0 and x_0 >= floor (Lawson and Hanson's active set).
+    The first rows and columns of a record's matrix are G, then b and c. Fills `allowed` with what
+    also moves by `motion` (rms, as a part of the first column's) in some record, and `passive`, at
+    first a guess, with what is off its bound.
 
     Notes
     -----
-    Lawson, Hanson, Solving Least Squares Problems, chapter 23; on the Gram matrix as Bro, de Jong,
-    J. Chemometrics 11 (1997). Columns are scaled to unit length first.
+    Lawson, Hanson, Solving Least Squares Problems, chapter 23 (the active set); on the Gram matrix
+    as Bro, de Jong, J. Chemometrics 11 (1997). Columns are scaled to unit length first.
     """
-    k = rhs.shape[0]
-    scale = np.zeros(k)
+    k = allowed.shape[0]
+    gram, scaled, upper = np.empty((k, k)), np.empty((k, k)), np.empty((k, k))
+    rhs, target, trial = np.empty(k), np.empty(k), np.empty(k)
+    x, scale, index = np.empty(k), np.empty(k), np.empty(k, dtype=np.int64)
+    cost = 0.0
+    for r in range(grams.shape[0]):
+        cost += grams[r, k, k]
     for i in range(k):
-        if gram[i, i] > 0.0:
-            scale[i] = 1.0 / np.sqrt(gram[i, i])
-    scaled = np.empty((k, k))
-    target = np.empty(k)
+        moving, x[i], rhs[i] = False, 0.0, 0.0
+        for j in range(k):
+            gram[i, j] = 0.0
+        for r in range(grams.shape[0]):
+            rhs[i] += grams[r, i, k]
+            for j in range(k):
+                gram[i, j] += grams[r, i, j]
+            own = grams[r, i, i]
+            moving |= own >= motion * motion * grams[r, 0, 0] and own > 0.0
+        allowed[i] &= moving and gram[i, i] > 0.0
+        passive[i] &= allowed[i]
+        scale[i] = 1.0 / np.sqrt(gram[i, i]) if gram[i, i] > 0.0 else 0.0
     for i in range(k):
         for j in range(k):
             scaled[i, j] = gram[i, j] * scale[i] * scale[j]
         target[i] = (rhs[i] - gram[i, 0] * floor) * scale[i]
-    size = 0.0
-    x, index = np.zeros(k), np.empty(k, dtype=np.int64)
-    usable, passive = np.empty(k, dtype=np.bool_), np.empty(k, dtype=np.bool_)
+    size, entering = 0.0, -1
     for i in range(k):
         size = max(size, abs(target[i]))
-        usable[i] = allowed[i] and scale[i] > 0.0
-        passive[i] = usable[i] and guess[i]
-    entering = -1
     for _ in range(10 * k):
         while True:
-            free = 0
+            free = np.int64(0)  # a literal would compile the solver twice
             for i in range(k):
                 if passive[i]:
                     index[free] = i
                     free += 1
-            solved, trial = _solve_passive(scaled, target, index[:free])
-            if not solved:
+            for m in range(free):
+                trial[m] = target[index[m]]
+                for j in range(m + 1):
+                    upper[j, m] = scaled[index[m], index[j]]
+            if not cholesky_solve(upper, trial, free):
                 if entering < 0:
                     for i in range(k):
                         passive[i] = False
                 else:
-                    passive[entering] = usable[entering] = False
+                    passive[entering] = allowed[entering] = False
                 break
             step = 1.0
             for m in range(free):
@@ -319,11 +329,11 @@ def bounded_least_squares(
             if step == 1.0:
                 break
             if entering >= 0 and not passive[entering]:
-                usable[entering] = False  # rounding alone said that it could leave its bound
+                allowed[entering] = False  # rounding alone said that it could leave its bound
                 break
         best, entering = 1e-13 * size, -1
         for i in range(k):
-            if usable[i] and not passive[i]:
+            if allowed[i] and not passive[i]:
                 slope = target[i]
                 for j in range(k):
                     slope -= scaled[i, j] * x[j]
@@ -335,10 +345,23 @@ def bounded_least_squares(
     for i in range(k):
         x[i] *= scale[i]
     x[0] += floor
+    for i in range(k):
+        cost -= 2.0 * x[i] * rhs[i]
+        for j in range(k):
+            cost += x[i] * x[j] * gram[i, j]
+    return x, max(cost, 0.0)
+
+
+def bounded_least_squares(
+    gram: Array, rhs: Array, allowed: BoolArray, floor: float, guess: BoolArray
+) -> tuple[Array, BoolArray]:
+    """Minimise x'Gx - 2b'x for x >= 0 and x_0 >= floor; say which x are off their bounds."""
+    bordered, passive = np.zeros((1, rhs.size + 1, rhs.size + 1)), guess.copy()
+    bordered[0, :-1, :-1], bordered[0, :-1, -1] = gram, rhs
+    x, _ = weights_of_records(bordered, 0.0, floor, allowed.copy(), passive)
     return x, passive
 
 
-@njit(cache=True)
 def signed_least_squares(
     gram: Array,
     rhs: Array,
@@ -351,17 +374,11 @@ def signed_least_squares(
 
     `allowed` and `guess` hold a value for every x, then one for the negative part of each turned x.
     """
-    n, k = rhs.shape[0], allowed.shape[0]
-    both, right = np.empty((k, k)), np.empty(k)
-    for i in range(k):
-        a, sign = (i, 1.0) if i < n else (turned[i - n], -1.0)
-        right[i] = sign * rhs[a]
-        for j in range(n):
-            both[i, j] = sign * gram[a, j]
-        for j in range(n, k):
-            both[i, j] = -sign * gram[a, turned[j - n]]
-    found, _ = bounded_least_squares(both, right, allowed, floor, guess)
+    n = rhs.size
+    index = np.concatenate([np.arange(n), turned])
+    sign = np.where(np.arange(index.size) < n, 1.0, -1.0)
+    both = gram[np.ix_(index, index)] * np.outer(sign, sign)
+    found, _ = bounded_least_squares(both, sign * rhs[index], allowed, floor, guess)
     x: Array = found[:n].copy()
-    for i in range(n, k):
-        x[turned[i - n]] -= found[i]
+    x[turned] -= found[n:]
     return x

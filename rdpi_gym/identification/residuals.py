@@ -81,6 +81,16 @@ def simulate_record(
     )
 
 
+def rms_over(rmse_um: Sequence[float], counted: Sequence[int]) -> float:
+    """Return the error (µm rms) over records from that of each, weighted by its samples that count.
+
+    The training and the validation error, wherever they are stated, are this of the records of their
+    role: measured minus model, simulated from a record's first sample, one offset free in each record,
+    its noise included.
+    """
+    return float(np.sqrt(np.average(np.square(rmse_um), weights=counted)))
+
+
 def pooled_rmse(residuals: Sequence[RecordResidual]) -> float:
     """Root mean square error (µm) of several records, each weighted by its samples.
 
@@ -99,9 +109,7 @@ def pooled_rmse(residuals: Sequence[RecordResidual]) -> float:
     """
     if not residuals:
         raise InputError("no record to compare; give at least one")
-    counted = np.array([residual.counted for residual in residuals])
-    squares = np.array([residual.rmse_um**2 for residual in residuals])
-    return float(np.sqrt(np.average(squares, weights=counted)))
+    return rms_over([each.rmse_um for each in residuals], [each.counted for each in residuals])
 
 
 def validation_rmse(

@@ -178,7 +178,8 @@ def movements(u_V: Array, rate_V_s: Array, ripple: float) -> tuple[Array, Array]
     The first and the last movement of a record are cut off by it and left out, unless there is no
     other.
     """
-    turns = _turning_points(u_V, ripple * float(np.ptp(u_V)))
+    turns = np.empty(u_V.size + 2, dtype=np.int64)
+    turns = turns[: _turning_points(u_V, ripple * float(np.ptp(u_V)), turns)]
     if turns.size > 3:
         turns = turns[1:-1]
     size = np.abs(np.diff(u_V[turns]))
@@ -189,9 +190,10 @@ def movements(u_V: Array, rate_V_s: Array, ripple: float) -> tuple[Array, Array]
 
 
 @njit(cache=True)
-def _turning_points(u: Array, ripple: float) -> NDArray[np.int64]:
-    """Indices of the first and last sample and of the turning points between, ripple ignored."""
-    turns = [0]
+def _turning_points(u: Array, ripple: float, turns: NDArray[np.int64]) -> int:
+    """Fill in the first and last sample and the turning points between, ripple ignored; count them."""
+    turns[0] = 0
+    count = 1
     low, high = 0, 0  # where the lowest and highest command since the last turning point stand
     direction = 0
     for t in range(u.shape[0]):
@@ -201,11 +203,13 @@ def _turning_points(u: Array, ripple: float) -> NDArray[np.int64]:
             high = t
         if direction >= 0 and u[high] - u[t] > ripple:
             if direction > 0:
-                turns.append(high)
+                turns[count] = high
+                count += 1
             direction, low = -1, t
         elif direction <= 0 and u[t] - u[low] > ripple:
             if direction < 0:
-                turns.append(low)
+                turns[count] = low
+                count += 1
             direction, high = 1, t
-    turns.append(u.shape[0] - 1)
-    return np.array(turns)
+    turns[count] = u.shape[0] - 1
+    return count + 1

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from rdpi_gym.identification.least_squares import (
     BoolArray,
-    bounded_least_squares,
     cholesky_solve,
     gram_matrices,
     tangent_matrices,
+    weights_of_records,
 )
 from rdpi_gym.identification.scale import Bounds, data_scales
 from rdpi_gym.identification.stack import Stack, thin
@@ -35,53 +35,32 @@ class Point(NamedTuple):
     means: Array
 
 
-@njit(cache=True)
 def moving_plays(gram: Array, motion: float) -> BoolArray:
     """Say which regressors move by `motion` (rms, as a part of the command's) in some record."""
-    moving = np.zeros(gram.shape[1] - 1, dtype=np.bool_)
-    for r in range(gram.shape[0]):
-        least = motion * motion * gram[r, 0, 0]
-        for i in range(moving.shape[0]):
-            moving[i] |= gram[r, i, i] >= least and gram[r, i, i] > 0.0
+    squares = gram.diagonal(axis1=1, axis2=2)[:, :-1]
+    moving: BoolArray = ((squares >= motion * motion * squares[:, :1]) & (squares > 0.0)).any(
+        axis=0
+    )
     return moving
 
 
-@njit(cache=True)
-def project(gram: Array, bounds: Bounds) -> tuple[Array, BoolArray, float]:
+def project(gram: Array, n: int, bounds: Bounds) -> tuple[Array, BoolArray, float]:
     """Best weights for the Gram matrices of the records, which of them are free, and the cost."""
-    k = gram.shape[1] - 1
-    total, rhs, cost = np.zeros((k, k)), np.zeros(k), 0.0
-    for r in range(gram.shape[0]):
-        for i in range(k):
-            rhs[i] += gram[r, i, k]
-            for j in range(k):
-                total[i, j] += gram[r, i, j]
-        cost += gram[r, k, k]
-    allowed = moving_plays(gram, bounds.motion)
-    weights, passive = bounded_least_squares(total, rhs, allowed, bounds.a0, allowed)
-    for i in range(k):
-        cost -= 2.0 * weights[i] * rhs[i]
-        for j in range(k):
-            cost += weights[i] * weights[j] * total[i, j]
-    return weights, passive, max(cost, 0.0)
+    allowed, passive = np.ones((2, n + 1), dtype=np.bool_)
+    weights, cost = weights_of_records(gram, bounds.motion, bounds.a0, allowed, passive)
+    return weights, passive, cost
 
 
-@njit(cache=True)
 def evaluate(stack: Stack, theta: Array, expected: Array, bounds: Bounds) -> Point:
     """Solve for the weights at `theta`, with tangents at weights expected there (µm/V)."""
     tangents, means = tangent_matrices(stack, theta[0], theta[1], theta[2:], expected)
-    k = expected.shape[0] + 1
-    weights, passive, cost = project(tangents[:, :k, :k], bounds)
-    return Point(theta, weights, passive, cost, tangents, means)
+    return Point(theta, *project(tangents, expected.size - 1, bounds), tangents, means)
 
 
-@njit(cache=True)
 def begin(stack: Stack, n: int, theta: Array, bounds: Bounds) -> Point:
     """As :func:`evaluate`, where nothing is known of the weights."""
     gram, _ = gram_matrices(stack, n, theta[0], theta[1], theta[2:])
-    weights, _, _ = project(gram, bounds)
-    point: Point = evaluate(stack, theta, weights, bounds)
-    return point
+    return evaluate(stack, theta, project(gram, n, bounds)[0], bounds)
 
 
 @njit(cache=True)
@@ -112,30 +91,55 @@ def normal_equations(tangents: Array, weights: Array) -> tuple[Array, Array]:
 
 
 @njit(cache=True)
-def _step(matrix: Array, gradient: Array, free: BoolArray, nonlinear: int, damping: float) -> Array:
-    """Gauss-Newton step over the free parameters; the first `nonlinear` of them are damped."""
-    step = np.zeros(gradient.shape[0])
-    index, k = np.empty(gradient.shape[0], dtype=np.int64), 0
-    for i in range(gradient.shape[0]):
-        if free[i] and matrix[i, i] > 0.0:
-            index[k] = i
-            k += 1
-    scale, rhs, scaled = np.empty(k), np.empty(k), np.empty((k, k))
-    for i in range(k):
-        scale[i] = 1.0 / np.sqrt(matrix[index[i], index[i]])
-    for i in range(k):
-        rhs[i] = gradient[index[i]] * scale[i]
-        for j in range(k):
-            scaled[i, j] = matrix[index[i], index[j]] * scale[i] * scale[j]
-        scaled[i, i] = 1.0 + (damping if index[i] < nonlinear else 0.0)
-    solved, x = cholesky_solve(scaled, rhs)
-    if solved:
+def _step(
+    matrix: Array,
+    gradient: Array,
+    theta: Array,
+    weights: Array,
+    passive: BoolArray,
+    low: Array,
+    high: Array,
+    free_memory: bool,
+    damping: float,
+) -> tuple[Array, Array]:
+    """Where a Gauss-Newton step over the free parameters leads, `theta` damped and within bounds."""
+    nonlinear, size = theta.shape[0], gradient.shape[0]
+    step, scale, rhs = np.empty(size), np.empty(size), np.empty(size)
+    index, upper = np.empty(size, dtype=np.int64), np.empty((size, size))
+    free = np.empty(size, dtype=np.bool_)
+    for i in range(size):
+        free[i] = passive[i - nonlinear] if i >= nonlinear else free_memory or i < 2
+    for _ in range(2):  # again without those that would leave their bounds
+        k = np.int64(0)  # a literal would compile the solver twice
+        for i in range(size):
+            step[i] = 0.0
+            if free[i] and matrix[i, i] > 0.0:
+                index[k] = i
+                scale[k] = 1.0 / np.sqrt(matrix[i, i])
+                k += 1
         for i in range(k):
-            step[index[i]] = x[i] * scale[i]
-    return step
+            rhs[i] = gradient[index[i]] * scale[i]
+            for j in range(i):
+                upper[j, i] = matrix[index[i], index[j]] * scale[i] * scale[j]
+            upper[i, i] = 1.0 + (damping if index[i] < nonlinear else 0.0)
+        if cholesky_solve(upper, rhs, k):
+            for i in range(k):
+                step[index[i]] = rhs[i] * scale[i]
+        left = False
+        for p in range(nonlinear):
+            at_low = theta[p] <= low[p] and step[p] < 0.0
+            if at_low or (theta[p] >= high[p] and step[p] > 0.0):
+                free[p], left = False, True
+        if not left:
+            break
+    place, expected = np.empty(nonlinear), np.empty(size - nonlinear)
+    for p in range(nonlinear):
+        place[p] = min(max(theta[p] + step[p], low[p]), high[p])
+    for i in range(size - nonlinear):
+        expected[i] = max(weights[i] + step[nonlinear + i], 0.0)
+    return place, expected
 
 
-@njit(cache=True)
 def refine(
     stack: Stack,
     start: Point,
@@ -145,33 +149,18 @@ def refine(
     tolerance: float,
 ) -> tuple[Point, int]:
     """Walk downhill from a point: joint Gauss-Newton steps with damping, weights re-solved."""
-    nonlinear = start.theta.shape[0]
-    low, high = np.empty(nonlinear), np.empty(nonlinear)
-    low[0], high[0] = bounds.delta1_V
-    low[1], high[1] = bounds.delta2_s
-    for p in range(2, nonlinear):
-        low[p], high[p] = -bounds.reach_V, bounds.reach_V
+    high = np.full(start.theta.size, bounds.reach_V)
+    low = -high
+    low[:2], high[:2] = zip(bounds.delta1_V, bounds.delta2_s, strict=True)
     best, damping, passes = start, 1e-3, 0
     while passes < budget:
         matrix, gradient = normal_equations(best.tangents, best.weights)
         before = best.cost
         while damping < 1e8 and passes < budget:
-            free = np.ones(gradient.shape[0], dtype=np.bool_)
-            for p in range(2, nonlinear):
-                free[p] = free_memory
-            for i in range(best.passive.shape[0]):
-                free[nonlinear + i] = best.passive[i]
-            step = _step(matrix, gradient, free, nonlinear, damping)
-            for p in range(nonlinear):
-                at_low = best.theta[p] <= low[p] and step[p] < 0.0
-                if at_low or (best.theta[p] >= high[p] and step[p] > 0.0):
-                    free[p] = False
-            step = _step(matrix, gradient, free, nonlinear, damping)
-            theta, expected = np.empty(nonlinear), np.empty(best.weights.shape[0])
-            for p in range(nonlinear):
-                theta[p] = min(max(best.theta[p] + step[p], low[p]), high[p])
-            for i in range(expected.shape[0]):
-                expected[i] = max(best.weights[i] + step[nonlinear + i], 0.0)
+            theta, expected = _step(
+                matrix, gradient, best.theta, best.weights, best.passive, low, high,
+                free_memory, damping,
+            )  # fmt: skip
             trial = evaluate(stack, theta, expected, bounds)
             passes += 1
             if trial.cost < best.cost:
@@ -234,7 +223,7 @@ def _look_around(
     deltas2 = np.array(_DELTA2_PARTS) * scales.excursion_V / scales.fastest_V_s
     grid = np.empty((deltas2.size, deltas1.size))
     for k, delta2 in enumerate(deltas2):
-        grid_costs(stack, n, deltas1, delta2, unmoved, bounds, grid[k])
+        grid[k] = grid_costs(stack, n, deltas1, delta2, unmoved, bounds)
         progress("fitting", round(30 * (k + 1) / deltas2.size), 100)
     place = np.unravel_index(grid.argmin(), grid.shape)
     theta = np.concatenate([[deltas1[place[1]], deltas2[place[0]]], unmoved])
@@ -244,8 +233,7 @@ def _look_around(
     evaluations = grid.size + passes + 2
 
     deltas1 = np.geomspace(lowest, bounds.delta1_V[1], _FINE)
-    costs = np.empty(_FINE)
-    grid_costs(stack, n, deltas1, first.theta[1], first.theta[2:], bounds, costs)
+    costs = np.array(grid_costs(stack, n, deltas1, first.theta[1], first.theta[2:], bounds))
     evaluations += _FINE
     progress("fitting", 60, 100)
     ends = [first]
@@ -279,20 +267,14 @@ def _settle(stack: Stack, start: Point, free_memory: bool, bounds: Bounds) -> tu
     return best, evaluations
 
 
-@njit(cache=True)
 def grid_costs(
-    stack: Stack,
-    n: int,
-    deltas1: Array,
-    delta2: float,
-    extrema: Array,
-    bounds: Bounds,
-    costs: Array,
-) -> None:
-    """Fill `costs` (µm²) with the squared error at each δ1 (V), the rest as given."""
-    for i in range(deltas1.shape[0]):
-        gram, _ = gram_matrices(stack, n, deltas1[i], delta2, extrema)
-        _, _, costs[i] = project(gram, bounds)
+    stack: Stack, n: int, deltas1: Array, delta2: float, extrema: Array, bounds: Bounds
+) -> list[float]:
+    """Squared error (µm²) at each δ1 (V), the rest as given."""
+    return [
+        project(gram_matrices(stack, n, delta1, delta2, extrema)[0], n, bounds)[2]
+        for delta1 in deltas1
+    ]
 
 
 def _valleys(costs: Array) -> NDArray[np.intp]:
@@ -328,7 +310,7 @@ def scan_memory(stack: Stack, point: Point, bounds: Bounds) -> Point:
         signed = np.concatenate([-weights, [1.0]])
         costs = np.einsum("i,erij,j->er", signed, grams, signed)
         choice = costs.argmin(axis=0)
-        weights, _, _ = project(grams[choice, np.arange(records)], bounds)
+        weights, _, _ = project(grams[choice, np.arange(records)], n, bounds)
     theta = np.concatenate([point.theta[:2], extrema[choice]])
     found = begin(stack, n, theta, bounds)
     return found if found.cost < point.cost else point

@@ -18,6 +18,8 @@ from rdpi_gym.support.errors import InputError
 # A thinned record keeps a sample where command and rate together moved by this part of their
 # ranges, or by less where that leaves too few.
 _THINNING = 0.2
+# Range (V, V/s) that is added to those of a record: one that stands still is divided by it.
+_STILL = 1e-300
 
 
 class Stack(NamedTuple):
@@ -78,9 +80,14 @@ def thin(stack: Stack, samples: int) -> Stack:
     """
     if stack.u_V.size < 2 * samples:
         return stack
-    part = _THINNING
+    part, spans = _THINNING, np.full((2, stack.edges.size - 1), _STILL)
+    for r in range(stack.edges.size - 1):
+        if stack.edges[r] < stack.edges[r + 1]:
+            spans[0, r] += np.ptp(stack.u_V[stack.record(r)])
+            spans[1, r] += np.ptp(stack.rate_V_s[stack.record(r)])
     while True:
-        kept, weight = _thin(stack.u_V, stack.rate_V_s, stack.root_weight, stack.edges, part)
+        kept, weight = np.zeros(stack.u_V.size, dtype=np.bool_), np.zeros(stack.u_V.size)
+        _thin(*stack, spans, part, kept, weight)
         if np.count_nonzero(kept) >= samples:
             break
         part /= 2
@@ -95,29 +102,22 @@ def thin(stack: Stack, samples: int) -> Stack:
 
 
 @njit(cache=True)
-def _range(x: Array, first: int, end: int) -> float:
-    low: float = x[first]
-    high: float = low
-    for t in range(first, end):
-        low, high = min(low, x[t]), max(high, x[t])
-    return high - low
-
-
-@njit(cache=True)
 def _thin(
     u: Array,
     v: Array,
+    y: Array,
     root_weight: Array,
     edges: NDArray[np.int64],
+    spans: Array,
     part: float,
-) -> tuple[NDArray[np.bool_], Array]:
-    kept, weight = np.zeros(u.shape[0], dtype=np.bool_), np.zeros(u.shape[0])
+    kept: NDArray[np.bool_],
+    weight: Array,
+) -> None:
     for r in range(edges.shape[0] - 1):
         first, end = edges[r], edges[r + 1]
         if first == end:
             continue
-        du = _range(u, first, end) + 1e-300
-        dv = _range(v, first, end) + 1e-300
+        du, dv = spans[0, r], spans[1, r]
         last = first
         kept[first] = True
         for t in range(first + 1, end):
@@ -135,4 +135,3 @@ def _thin(
         for t in range(first, end):
             if kept[t]:
                 weight[t] = weight[t] + 1.0 if root_weight[t] > 0 else 0.0
-    return kept, weight

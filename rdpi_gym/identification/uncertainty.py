@@ -32,7 +32,7 @@ def correlation_length(error: Array, mask: NDArray[np.bool_]) -> float:
     sequence.
     """
     centred = np.where(mask, error - error[mask].mean(), 0.0)
-    total, ended = _positive_pairs(centred, _DIRECT_LAGS)
+    total, ended = _positive_pairs(centred, centred * centred, _DIRECT_LAGS)
     if not ended:  # a slow error: all lags at once, up to half the record
         lags = centred.size // 4 * 2
         spectrum = np.fft.rfft(centred, n=centred.size + lags)
@@ -44,10 +44,11 @@ def correlation_length(error: Array, mask: NDArray[np.bool_]) -> float:
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
-def _positive_pairs(centred: Array, lags: int) -> tuple[float, bool]:
+def _positive_pairs(centred: Array, squares: Array, lags: int) -> tuple[float, bool]:
     """Sum of the autocorrelation over pairs of lags, and whether a pair ended it within `lags`."""
-    power = np.sum(centred * centred)
-    total = 0.0
+    power, total = 0.0, 0.0
+    for t in range(squares.shape[0]):
+        power += squares[t]
     for lag in range(0, min(lags, centred.shape[0] - 1), 2):
         pair = 0.0
         for shift in range(lag, lag + 2):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -90,6 +91,15 @@ class DataScale:
     shortest_s: float
     longest_s: float
     end_s: float = 0.0
+
+    @property
+    def slowness(self) -> float:
+        """Factor on the times of the standard protocol, a power of ten from 1 on.
+
+        Its slowest sine over the full range, 10 Hz, then is about as fast as these records.
+        """
+        pace_hz = self.fastest_V_s / (2.0 * math.pi * self.span_V)
+        return 10.0 ** max(round(math.log10(10.0 / pace_hz)), 0)
 
     @property
     def lasts_s(self) -> float:

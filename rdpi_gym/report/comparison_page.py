@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -30,28 +30,26 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
     found = comparison.findings
     count = len({trace.name for trace in comparison.traces})
     answer, *heads = [found[key] for key in ("overall", "far", "range") if key in found]
-    points = [f"- {text}" for key, text in found.items() if key not in ("far", "range", "overall")]
-    noticed = [f"- {c.sentence}" for c in comparison.checks if c.zone == "yes"]
+    points = [f"- {found[key]}" for key in comparison.leading]
     summary = "\n\n".join(
         [
             f"{answer} Model {comparison.model.name}, {count} "
             f"record{'s' if count > 1 else ''} of {comparison.title}.",
             *heads,
-            "Where the model fails:",
-            "\n".join(points),
-            *(["What the data show without any model:", "\n".join(noticed)] if noticed else []),
+            *(["What carries most of the error:", "\n".join(points)] if points else []),
         ]
     )
     return write_page(
         path,
         f"Model {comparison.model.name} against measurement",
         summary,
-        _sections(comparison),
+        _in_order(_sections(comparison), comparison.leading),
         comparison.quantities,
     )
 
 
-def _sections(comparison: Comparison) -> list[Section]:
+def _sections(comparison: Comparison) -> dict[str, Section]:
+    """Return the sections, each by the finding that it shows."""
     found = comparison.findings
     # a record of which the last quarter is held out stands for two traces
     named = {f"{trace.name} ({trace.role})": trace for trace in comparison.traces}
@@ -61,8 +59,8 @@ def _sections(comparison: Comparison) -> list[Section]:
     chosen = "" if several == 1 else " The record with the largest RMS error comes first."
     if len(shown) < several:
         chosen += f" Of {several} traces the {len(shown)} with the largest errors are here."
-    return [
-        Section(
+    return {
+        "records": Section(
             "Error by record",
             f"{found['records']}\n\nEvery record has one free offset, removed over the samples "
             "that count. The systematic share is the part of the squared error above the noise floor. "
@@ -72,14 +70,14 @@ def _sections(comparison: Comparison) -> list[Section]:
             charts.record_errors(comparison.records) if several > 1 else None,
             comparison.records,
         ),
-        checks_section(comparison.checks),
-        Section(
+        "checks": checks_section(comparison.checks),
+        "drift": Section(
             "Time traces",
             f"{found['drift']}\n\nDrag over a stretch to enlarge it, double-click to return."
             f"{chosen}",
             {name: charts.time_traces(trace, samples) for name, trace in shown.items()},
         ),
-        Section(
+        "largest": Section(
             "Where the error is largest",
             f"{found['largest']}\n\nShown for each record: the half-cycle of its largest "
             "difference, the one before and the one after."
@@ -89,13 +87,13 @@ def _sections(comparison: Comparison) -> list[Section]:
                 for name, trace in worst_first(shown, peak_um).items()
             },
         ),
-        Section(
+        "gain": Section(
             "Loops",
             f"{found['gain']}\n\nWhere the two loops differ, the model's shape is wrong; on the "
             "right the difference, enlarged. Of a long record, loops are picked evenly over its length.",
             {n: loops(one_model(trace), 2 * samples, settled=True) for n, trace in shown.items()},
         ),
-        Section(
+        "by_direction": Section(
             "Error by direction",
             f"{found['by_direction']}\n\nA line above zero means that the measured {{output}} "
             "is above the model's there. Rising above falling: the measured loop is narrower than "
@@ -104,21 +102,21 @@ def _sections(comparison: Comparison) -> list[Section]:
             charts.error_by_command(comparison.by_command),
             comparison.by_direction,
         ),
-        Section(
+        "by_frequency": Section(
             "Error by frequency",
             f"{found['by_frequency']}\n\nEvery stretch from one reversal of the command to the "
             "next has a frequency, one over twice its duration; the stretches are grouped into "
             f"third-octave bands. {_OPEN}",
             *_if_any(charts.error_by_frequency, comparison.by_frequency),
         ),
-        Section(
+        "by_amplitude": Section(
             "Error by amplitude",
             f"{found['by_amplitude']}\n\nThe amplitude of a stretch is half of the way between its "
             "two reversals. An error that grows with amplitude at a constant percentage is one of "
             f"gain. {_OPEN}",
             *_if_any(charts.error_by_amplitude, comparison.by_amplitude),
         ),
-        Section(
+        "distortion": Section(
             "Harmonics",
             f"{found['distortion']}\n\nWhere the command repeats, the error is split into parts: at the "
             "command's own frequencies in step with the model (its gain is wrong) or a quarter of a "
@@ -127,14 +125,14 @@ def _sections(comparison: Comparison) -> list[Section]:
             "harmonics.",
             *_if_any(charts.distortion_parts, comparison.distortion),
         ),
-        Section(
+        "spectrum": Section(
             "Spectrum and coherence",
             f"{found['spectrum']}\n\nThe error over its own frequency, all records together, beside "
             "white noise at the noise floor. The coherent part is what a linear filter of the command "
             "could remove.",
             _if_any(charts.error_spectrum, comparison.spectrum)[0],
         ),
-        Section(
+        "since_rest": Section(
             "Since the last rest",
             f"{found['since_rest']}\n\nOn the left, measured minus model while the command rests, "
             "positive in the direction of the last move: creep that the model lacks is a straight line "
@@ -143,24 +141,29 @@ def _sections(comparison: Comparison) -> list[Section]:
             if len(comparison.since_rest)
             else None,
         ),
-        Section(
+        "clock": Section(
             "Drift over the experiment",
             f"{found['clock']}\n\nMeans over up to eight pieces of each record, by the "
             "experiment's clock.",
             charts.error_over_clock(comparison.clock),
         ),
-        Section(
+        "plane": Section(
             "Residual over command and rate",
             f"{found['plane']}\n\nOrange: the measured {{output}} is above the model's, blue: "
             "below, grey: no sample. The upper half is a rising command, the lower half a falling "
             "one.",
             charts.residual_plane(comparison.plane),
         ),
-        Section(
+        "left out": Section(
             "What was left out, and assumed",
             "\n".join(f"- {line}" for line in comparison.left_out) or "Every sample counts.",
         ),
-    ]
+    }
+
+
+def _in_order(sections: Mapping[str, Section], leading: Sequence[str]) -> list[Section]:
+    """Return the sections, those of the leading findings first."""
+    return [sections[key] for key in dict.fromkeys((*leading, *sections))]
 
 
 def checks_section(checks: Sequence[Check]) -> Section:

@@ -54,7 +54,7 @@ def search_chart(result: SearchResult) -> Chart:
     stairs = [(name.replace(", ", ",\n"), errors) for name, errors in staircase(result)]
     names, steps = _steps(stairs)
     floor = _floor(result.noise_floor_um)
-    known = [c for c in result.candidates if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
+    known = [c for c in result.ranking if math.isfinite(c.errors.validation_rmse_um)][:_SHOWN]
     added = {candidate.effect for candidate in result.added}
     effects = [c.effect for c in known] or ["no candidate"]
     bars = Bars(
@@ -199,7 +199,7 @@ def _certainty_dots(candidates: Sequence[Candidate]) -> list[Series]:
     """Return confidence and share of each candidate; values far outside are at the edge."""
     dots = (
         ("confidence", "circle", PALETTE[0], [100.0 * c.confidence for c in candidates]),
-        ("share of the excess gone", "diamond-open", INK, [100.0 * c.share for c in candidates]),
+        ("share removed", "diamond-open", INK, [100.0 * c.share for c in candidates]),
     )
     return [
         Series(

@@ -21,8 +21,9 @@ from rdpi_gym.report.discovery_text import lines, staircase
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.thin import DISPLAY_SAMPLES
 from rdpi_gym.report.traces import peak_um, rms_um, worst_first
-from rdpi_gym.support.words import closed, joined
+from rdpi_gym.support.words import capital, closed, joined
 
+_CERTAINTY = "Confidence (%)"
 MOST_VIEWS = 24
 """Records whose traces stand on the page; of more, those with the largest errors."""
 _ALL_SAMPLES = 8 * DISPLAY_SAMPLES
@@ -102,13 +103,11 @@ _HOW = (
     "records. It is judged by its RMS error on the validation records, with one free offset in each.\n"
     "- The noise floor is the part of the error that no model can explain. A model whose error has "
     "reached it cannot be improved on these records.\n"
-    "- The probability of an effect, of a discovery alone, is how often such an effect was there in a "
-    "study of plants whose effects are known. Two effects can be there at once, so they do not add up "
-    "to 100 %.\n"
-    "- The confidence belongs to the effect together with those that are indistinguishable from it "
-    "on these records. Where such rivals are named, the next experiment is the one that decides "
-    "between them.\n"
-    "- The share is the part of the excess over the noise floor that disappears on the validation "
+    "- The probability of an effect, of a discovery, is how often such an effect was there in a study of "
+    "plants whose effects are known. Two effects can be there at once, so they do not add up to 100 %.\n"
+    "- The confidence, of a diagnosis, is that in the effect or one that is indistinguishable from it on "
+    "these records. Where such rivals are named, the next experiment decides between them.\n"
+    "- The share is the part of the squared error above noise that an effect removes on the validation "
     "records. Where it is negative, the candidate makes them worse.\n"
     "- Unexplained means that a systematic error is left that no effect of the catalogue accounts "
     "for. The best candidate is then not its cause."
@@ -140,7 +139,7 @@ def write_discovery_page(
 def _summary(result: SearchResult) -> str:
     points = groupby(lines(result), key=lambda line: line.startswith("- "))
     paragraphs = [("\n" if is_list else "\n\n").join(said) for is_list, said in points]
-    origin = closed(_upper(result.noise_origin)) if result.noise_origin else ""
+    origin = closed(capital(result.noise_origin)) if result.noise_origin else ""
     paragraphs.append(f"{origin} Computed in {result.seconds:.3g} s.")
     return "\n\n".join(paragraphs)
 
@@ -197,8 +196,7 @@ def _checks(result: SearchResult) -> Section:
 
 def _residual(result: SearchResult) -> Section:
     paragraphs = [
-        f"The final model leaves {in_output(result.unexplained_rmse_um)} rms in excess of the "
-        "noise floor.",
+        f"{_above_noise(result)} % of the squared error of the final model is above noise.",
         result.remainder,
     ]
     if result.removed:
@@ -210,7 +208,12 @@ def _residual(result: SearchResult) -> Section:
         paragraphs.append(f"Next experiment: {result.next_experiment}")
     elif result.verdict == "explained":
         paragraphs.append("No further experiment is needed to distinguish the effects.")
-    return Section("What is left, and what to measure next", "\n\n".join(filter(None, paragraphs)))
+    return Section("Residual and next experiment", "\n\n".join(filter(None, paragraphs)))
+
+
+def _above_noise(result: SearchResult) -> int:
+    error, floor = result.final.validation_rmse_um, result.noise_floor_um
+    return round(100.0 * max(1.0 - (floor / error) ** 2, 0.0)) if error > 0.0 else 0
 
 
 def _portrait(result: SearchResult) -> list[Section]:
@@ -236,13 +239,9 @@ def _portrait(result: SearchResult) -> list[Section]:
     ]
 
 
-def _upper(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def candidate_sections(result: SearchResult) -> list[Section]:
     """Show the candidates of each round, best first; none where no candidate was tried."""
-    rounds = tuple(candidates for candidates in result.rounds if candidates)
+    rounds = tuple(candidates for candidates in result.stated_rounds if candidates)
     if not rounds:
         return []
     figures, tables = {}, []
@@ -283,7 +282,7 @@ def _evidence(result: SearchResult) -> list[Section]:
     """Return the evidence for each candidate of a diagnosis; of a discovery it is in the summary."""
     if result.kind != "diagnosis":
         return []
-    said = [c for c in result.candidates if c.evidence and c.share > 0]
+    said = [c for c in result.ranking if c.evidence and c.share > 0]
     if not said:
         return []
     lines = "\n".join(f"- {c.effect}: {closed(c.evidence)}" for c in said)
@@ -318,8 +317,8 @@ def _candidate_table(
                 "effect": c.effect,
                 "validation_rmse_um": _known(c.errors.validation_rmse_um),
                 "train_rmse_um": _known(c.errors.train_rmse_um),
-                "Share of the excess gone (%)": _known(100.0 * c.share),
-                "Confidence (%)": 100.0 * c.confidence,
+                "Removed of the squared error above noise (%)": _known(100.0 * c.share),
+                _CERTAINTY: 100.0 * c.confidence,
                 "Indistinguishable from": ", ".join(c.indistinguishable),
                 "remarks": "; ".join(c.remarks),
             }
@@ -327,8 +326,8 @@ def _candidate_table(
         ]
     )
     if chances is not None:  # they are of the whole search, and known in every round
-        said = [100.0 * chances.effects.get(c.effect, math.nan) for c in candidates]
-        table.insert(list(table).index("Confidence (%)"), "Probability (%)", said)
+        table[_CERTAINTY] = [100.0 * chances.effects.get(c.effect, math.nan) for c in candidates]
+        table = table.rename(columns={_CERTAINTY: "Probability (%)"})
     return table
 
 

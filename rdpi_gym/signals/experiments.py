@@ -6,7 +6,7 @@ Here signals are commands: their numbers are volts, `amplitude_um` included.
 from __future__ import annotations
 
 from collections.abc import Sequence as Values
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -39,6 +39,8 @@ class Experiment:
         Command (V) over time.
     ts_s, duration_s
         Sampling time and length (s).
+    slowness
+        Factor on the times of the signal.
 
     Examples
     --------
@@ -52,6 +54,7 @@ class Experiment:
     signal: Signal
     ts_s: float
     duration_s: float
+    slowness: float = 1.0
 
     @property
     def role(self) -> Literal["train", "validation"]:
@@ -63,9 +66,11 @@ class Experiment:
         samples = round(self.duration_s / self.ts_s)
         return np.arange(samples, dtype=np.float64) * self.ts_s
 
-    def command_V(self) -> Array:
-        """Command (V), float64[T]."""
-        return self.signal(self.times_s())
+    def command_V(self, ts_s: float | None = None) -> Array:
+        """Command (V) at its own sampling time or another one, float64[T]."""
+        step_s = self.ts_s if ts_s is None else ts_s
+        times_s = np.arange(round(self.duration_s / step_s), dtype=np.float64) * step_s
+        return self.signal(times_s / self.slowness)
 
 
 def polyline(values_V: Values[float], rate_V_s: float) -> Measured:
@@ -98,9 +103,12 @@ def _minor_loops(centre: float, span: float) -> list[float]:
 
 
 def standard_protocol(
-    centre_V: float, span_V: float, first_threshold_V: float, seed: int = 0
+    centre_V: float, span_V: float, first_threshold_V: float, seed: int = 0, slowness: float = 1.0
 ) -> tuple[Experiment, ...]:
-    """Return ten records to fit, a quiet one, and five of other kinds to validate on."""
+    """Return ten records to fit, a quiet one, and five of other kinds to validate on.
+
+    `slowness` is a factor on all times, which the names do not state.
+    """
     if not (span_V > 0 and first_threshold_V > 0):
         raise InputError(
             f"span_V is {span_V} and first_threshold_V {first_threshold_V}; both lie above 0 V"
@@ -113,7 +121,7 @@ def standard_protocol(
     )  # fmt: skip
     wide = Multisine(amplitude_um=s, offset_um=c, frequency_hz=4.0, lines=60, odd=True, seed=seed)
     up_down = (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.5, 0.0)
-    return (
+    records = (
         Experiment("triangle-slow", "hysteresis at every depth", slow, 1e-3, 10.0),
         Experiment("sine-10hz", "rate", _sine(c, s, 10.0), 1e-4, 1.0),
         Experiment("sine-50hz", "rate", _sine(c, s, 50.0), 5e-5, 0.3),
@@ -160,6 +168,10 @@ def standard_protocol(
             ), 5e-5, 0.5,
         ),
     )  # fmt: skip
+    return tuple(
+        replace(e, ts_s=slowness * e.ts_s, duration_s=slowness * e.duration_s, slowness=slowness)
+        for e in records
+    )
 
 
 def _sine(centre: float, span: float, frequency_hz: float) -> Sine:

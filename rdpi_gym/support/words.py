@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from reprlib import Repr
@@ -52,6 +53,16 @@ def joined(names: Sequence[str]) -> str:
 def closed(sentence: str) -> str:
     """End a sentence with a full stop where it has none."""
     return sentence if sentence.rstrip().endswith((".", "!", "?")) else f"{sentence}."
+
+
+def capital(sentence: str) -> str:
+    """Begin a sentence with a capital letter, but for one that begins with a Greek symbol."""
+    return sentence[:1].upper() + sentence[1:] if sentence[:1].isascii() else sentence
+
+
+def first_sentence(text: str) -> str:
+    """Return a text up to its first full stop before a capital letter."""
+    return re.split(r"(?<=[.!?]) (?=[A-Z])", text, maxsplit=1)[0]
 
 
 def pm(value: float, error: float) -> str:

@@ -235,7 +235,6 @@ def test_status_is_a_column_everywhere(tmp_path, capsys):
     assert ranked.loc["full-preview-inversion", ["rank", "status"]].tolist() == ["bound", "bound"]
     page = (tmp_path / "report.html").read_text()
     assert unstable in page
-    assert "unstable 2/2" in page  # of every case
 
 
 def test_the_bound_alone_is_scored(tmp_path):

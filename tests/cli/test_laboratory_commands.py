@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.cli import main
-from rdpi_gym.measurement import Record, write_csv
+from rdpi_gym.measurement import Record, example_folder, load, write_csv
 from rdpi_gym.plant import P5, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, load_effect
 from tests.looping import over
@@ -74,6 +74,34 @@ def run(words, out, capsys):
     return capsys.readouterr().out
 
 
+def check_one_thing(printed, last):
+    """Assert an answer, at most three sentences, one table of at most twelve rows, and a file."""
+    lines = printed.splitlines()
+    assert len(lines) <= 25, printed
+    (rule,) = (i for i, line in enumerate(lines) if set(line.strip()) == {"─"})
+    assert sum(bool(line.strip()) for line in lines[: rule - 1]) <= 1 + 3 + 1, printed  # a title
+    assert sum(bool(line.strip()) for line in lines[rule + 1 : -1]) <= 12, printed
+    assert lines[-1].startswith(str(last)), printed
+
+
+@pytest.mark.slow
+def test_fit_and_compare_say_one_thing_of_the_example_and_of_twelve_records(tmp_path, capsys):
+    stage = load(example_folder("picma"))
+    twelve = tmp_path / "twelve"
+    for k, record in enumerate(6 * stage.train + 6 * stage.validation):
+        write_csv(record.cut(slice(2000)), twelve / f"{record.role}-{k}.csv")
+    for data in (example_folder("picma"), twelve):
+        out = tmp_path / "out"
+        assert main(["fit", str(data), "--out", str(out)]) == 0
+        check_one_thing(capsys.readouterr().out, out / "model.json")
+        words = ["compare", str(data), "--model", str(out / "model.json"), "--out", str(out)]
+        assert main(words) == 0
+        printed = capsys.readouterr().out
+        check_one_thing(printed, out / "report.html")
+        assert main([*words, "--verbose"]) == 0
+        assert len(capsys.readouterr().out) > 2 * len(printed)
+
+
 def read(path):
     return json.loads(path.read_text(encoding="utf-8"))
 
@@ -94,6 +122,8 @@ def test_discover(data, tmp_path, capsys):
     model = PlantModel.load(out / "model.json")
     assert [effect.name for effect in model.effects] == ["creep"]
     assert printed.startswith("Missing: creep (gain per decade 0.0")
+    assert printed.count("probable") == 1
+    check_one_thing(printed, out / "report.html")
     assert "+ creep" in printed
     assert "times the noise floor" in printed
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -105,7 +135,7 @@ def test_discover(data, tmp_path, capsys):
 @pytest.mark.slow
 def test_diagnose_and_go_on_where_it_was_interrupted(data, tmp_path, capsys):
     out = tmp_path / "out"
-    printed = run(["diagnose", data, "--model", "P5"], out, capsys)
+    printed = run(["diagnose", data, "--model", "P5", "--verbose"], out, capsys)
     document = read(out / "diagnosis.json")
     assert (document["format"], document["version"]) == ("rdpi-diagnosis", 1)
     assert {c["effect"] for c in document["candidates"]} == set(CATALOGUE)
@@ -117,7 +147,8 @@ def test_diagnose_and_go_on_where_it_was_interrupted(data, tmp_path, capsys):
     finished = out / "candidates.jsonl"
     lines = finished.read_text(encoding="utf-8").splitlines(keepends=True)
     finished.write_text("".join(lines[:-1]) + lines[-1][:20], encoding="utf-8")
-    run(["diagnose", data, "--model", "P5"], out, capsys)
+    printed = run(["diagnose", data, "--model", "P5"], out, capsys)
+    check_one_thing(printed, out / "report.html")
     again = read(out / "diagnosis.json")
     for key in ("candidates", "base", "verdict", "noise_floor"):
         assert again[key] == document[key]

@@ -42,6 +42,7 @@ def damper(tmp_path_factory):
 
 
 def run(*words):
+    words = (*words, "--verbose")
     result = CliRunner(env={"COLUMNS": "200"}).invoke(app, [str(word) for word in words])
     assert result.exit_code == 0, result.output
     return result.output

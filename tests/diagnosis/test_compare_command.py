@@ -21,7 +21,8 @@ def data(sine_record, tmp_path):
 
 def test_named_plant(data, tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["compare", str(data), "--model", "P5", "--out", str(out)]) == 0
+    words = ["compare", str(data), "--model", "P5", "--out", str(out)]
+    assert main([*words, "--verbose"]) == 0
     document = json.loads((out / "compare.json").read_text(encoding="utf-8"))
     assert document["format"] == "rdpi-compare"
     assert document["version"] == 1

@@ -139,7 +139,7 @@ def test_of_hysteresis_and_a_force_only_the_hysteresis_is_predicted():
 
 
 def test_noise_is_called_noise():
-    assert left_by_rdpi(*measure(nothing)).sentence == "What is left is the noise."
+    assert left_by_rdpi(*measure(nothing)).sentence == "The residual is noise."
 
 
 def test_an_error_below_the_noise_leaves_nothing_to_predict():

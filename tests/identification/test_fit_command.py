@@ -32,7 +32,7 @@ def folder(tmp_path):
 
 def test_a_folder_gives_a_plant_and_a_table(folder, tmp_path, capsys):
     out = tmp_path / "fit"
-    assert main(["fit", str(folder), "--out", str(out), "-n", "5", "--seed", "3"]) == 0
+    assert main(["fit", str(folder), "--out", str(out), "-n", "5", "--seed", "3", "--verbose"]) == 0
     model = PlantModel.load(out / "model.json")
     assert model.hysteresis.thresholds_V[0] == pytest.approx(1.75, rel=0.02)
     assert model.hysteresis.delta2_s == pytest.approx(3.762e-4, rel=0.02)
@@ -56,14 +56,26 @@ def test_what_the_data_do_not_say_is_printed(tmp_path, capsys):
     write(tmp_path / "one.csv", 5.0)
     assert main(["fit", str(tmp_path / "one.csv"), "--out", str(tmp_path), "-n", "5"]) == 0
     shown = capsys.readouterr().out
-    assert "- δ2 is not determined by these data" in shown
-    assert "last quarter of each record is held out" in shown
+    assert "δ2 is not determined by these data" in shown
+    assert "last quarter of each record is held out" not in shown
+    words = ["fit", str(tmp_path / "one.csv"), "--out", str(tmp_path), "-n", "5", "--verbose"]
+    assert main(words) == 0
+    assert "last quarter of each record is held out" in capsys.readouterr().out
 
 
 def test_the_memory_is_shown_where_it_was_free(tmp_path, capsys):
     write(tmp_path / "a.csv", 5.0, extremum_V=9.0)
     write(tmp_path / "b.csv", 50.0)
-    words = ["fit", str(tmp_path), "--out", str(tmp_path / "out"), "-n", "5", "--free-memory"]
+    words = [
+        "fit",
+        str(tmp_path),
+        "--out",
+        str(tmp_path / "out"),
+        "-n",
+        "5",
+        "--free-memory",
+        "--verbose",
+    ]
     assert main(words) == 0
     assert "extremum of a" in capsys.readouterr().out
     stated = json.loads((tmp_path / "out" / "model.json").read_text(encoding="utf-8"))

@@ -19,7 +19,7 @@ def test_errors_on_both_files_time_and_warning():
     assert result.validation_rmse_um <= 0.38
     assert result.seconds <= 0.3
     assert "δ2 is not determined by these data: all rates are alike" in result.warnings[0]
-    assert any("the error is no noise" in warning for warning in result.warnings)
+    assert any("residuals are correlated" in warning for warning in result.warnings)
 
 
 def test_the_plant_that_ships_is_the_one_that_is_identified():

@@ -130,4 +130,4 @@ def test_a_missing_effect_is_said_to_be_no_noise():
     records = [sine(5.0, 40.0), sine(50.0, 40.0)]
     for run in records:
         run.y_um[:] += 5e-4 * run.u_V**2
-    assert warns(records, "the error is no noise")
+    assert warns(records, "residuals are correlated over about")

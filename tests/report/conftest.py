@@ -1,6 +1,7 @@
 """Results that are made up, for the pages that show them."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -77,7 +78,7 @@ def made_discovery():
             "sampling": None,
             "undecided": None,
             "unexplained_rmse_um": 0.006,
-            "remainder": "What is left is the noise.",
+            "remainder": "The residual is noise.",
             "next_experiment": "A multisine below the first threshold.",
             "indistinguishable": (("delay", "sensor_lag"), ("creep", "thermal_drift")),
             "checks": ("Holds creep.", "No hum.", "No hum."),
@@ -125,6 +126,7 @@ class MadeScores:
     answer: str = "Best: one."
     first_seed: int = 0
     shown_setting: tuple = ("P5", 1e-4)
+    noise_um: Mapping[str, float] = field(default_factory=lambda: {"P5": 0.01, "picma": 0.01})
 
 
 CONTROLLERS = (
@@ -157,6 +159,7 @@ def made_benchmark():
                 "rmse_percent": rmse,
                 "rmse_percent_low": 0.7 * rmse,
                 "rmse_percent_high": 1.4 * rmse,
+                "rmse_um": 0.1 * rmse,
                 "optimality_gap": rmse / rmse[2],
                 "optimality_gap_low": rmse / rmse[2],
                 "optimality_gap_high": rmse / rmse[2],
@@ -172,14 +175,14 @@ def made_benchmark():
         )
         cases = pd.DataFrame(
             [
-                (name, plant, "sine", hz, 1e-4, rmse[i], 0.7 * rmse[i], 1.4 * rmse[i], 1.1)
+                (name, plant, "sine", hz, 1e-4, rmse[i], 0.7 * rmse[i], 1.4 * rmse[i], 1.1, 0.1 * rmse[i])
                 for i, name in enumerate(CONTROLLERS)
                 for plant in ("P5", "picma")
                 for hz in (1.0, 10.0, 100.0)
             ],
             columns=[
                 "controller", "plant", "reference", "frequency_hz", "ts_s", "rmse_percent",
-                "rmse_percent_low", "rmse_percent_high", "command_total_variation",
+                "rmse_percent_low", "rmse_percent_high", "command_total_variation", "rmse_um",
             ],
         )  # fmt: skip
         cases["extrapolated"] = cases["plant"] == "picma"

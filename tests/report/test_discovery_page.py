@@ -22,7 +22,7 @@ from rdpi_gym.report import discovery_page as candidates
 from rdpi_gym.report.chart import Bands, Bars, Chart, Level, Series
 from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.discovery_page import MOST_VIEWS, view_sections, write_discovery_page
-from rdpi_gym.report.discovery_text import lines, staircase
+from rdpi_gym.report.discovery_text import evidence, lines, staircase
 
 
 def page_of(result, tmp_path):
@@ -100,16 +100,23 @@ def marks(chart, kind):
 
 def test_the_answer_comes_first(made_discovery):
     said = lines(made_discovery())
-    assert said[0] == ("Missing: creep and resonance. Error 0.8 to 0.021 µm, noise 0.02 µm.")
-    assert said[1].startswith("- creep: confidence 99 %. creep makes the loops")
-    assert said[2].startswith("- resonance: confidence 99 %, indistinguishable from delay on these")
+    assert said[0] == (
+        "Missing: creep and resonance (or delay). Error 0.8 to 0.021 µm, noise 0.02 µm."
+    )
+    assert said[1].startswith(
+        "- creep: confidence 99 %, removes 98 % of the squared error above noise. creep makes the loops"
+    )
+    assert said[2].startswith(
+        "- resonance: confidence 99 %, removes 100 % of the squared error above"
+    )
+    assert "; indistinguishable from delay on these" in said[2]
     assert said[-2] == (
         "Indistinguishable on these records: delay and sensor_lag; creep and thermal_drift."
     )
     assert said[-1] == "Next experiment: A multisine below the first threshold."
     creeping = replace(P5, effects=(CATALOGUE["creep"](0.0123), CATALOGUE["delay"](2.5e-5)))
     sized = made_discovery(plant=creeping).headline
-    assert sized.startswith("Missing: creep (gain per decade 0.0123) and resonance.")
+    assert sized.startswith("Missing: creep (gain per decade 0.0123) and resonance (or delay).")
 
 
 def test_probabilities_stand_beside_the_names(made_discovery, tmp_path):
@@ -119,16 +126,23 @@ def test_probabilities_stand_beside_the_names(made_discovery, tmp_path):
     )  # fmt: skip
     found = made_discovery(probabilities=chances)
     said = lines(found)
-    assert said[1].startswith("- creep: 98 % probable (best in 99 % of the ways to split")
-    assert said[2].startswith(
-        "- resonance: 40 % probable, 90 % that it or an indistinguishable one is there (best in"
+    assert said[0].startswith("Missing: creep; possibly missing: resonance. Error")
+    assert said[1].startswith(
+        "- creep: 98 % probable, removes 98 % of the squared error above noise."
     )
-    assert said[3] == "May be missing besides: delay 20 % and something outside the catalogue 7 %."
+    assert said[1].count("%") == 2
+    assert "40 % probable" in said[2]
+    assert "90 % that" not in said[2]
+    assert said[3] == (
+        "Further effects, by probability: delay 20 % and something outside the catalogue 7 %."
+    )
+    assert [text.count("probable") for text in evidence(found)] == [2, 0, 0]
     assert "Probability (%)" in page_of(found, tmp_path)
     nothing = made_discovery(**NOTHING, probabilities=replace(chances, none=0.83, other=0.0))
-    assert "creep 98 %, resonance 40 % and delay 20 %. That nothing is missing is 83 %" in lines(
-        nothing
-    )[1]  # fmt: skip
+    assert lines(nothing)[:2] == [
+        "Probably nothing is missing. Error 0.021 µm, noise 0.02 µm.",
+        "Missing, by probability: creep 98 %, resonance 40 %, delay 20 % and nothing 83 %.",
+    ]
 
 
 def test_an_answer_for_every_verdict(made_discovery):

@@ -1,6 +1,8 @@
 """A page is one file that fetches nothing, shows foreign names as text, and is whole or absent."""
 
+import gzip
 import json
+from base64 import b64decode
 from html.parser import HTMLParser
 
 import pandas as pd
@@ -47,7 +49,7 @@ def written(tmp_path):
         Section("Two figures", "Both.", [small_figure(), small_figure()]),
         Section("A choice", "One of two.", {NASTY: small_figure(), "other": small_figure()}),
         Section("A table", "Below.", table=pd.DataFrame({NASTY: [NASTY], "rmse_um": [0.125]})),
-        Section("Words only", "No figure."),
+        Section("Words only", "No figure.", folded=True),
     ]
     return write_page(tmp_path / "report.html", NASTY, NASTY, sections).read_text(encoding="utf-8")
 
@@ -93,8 +95,10 @@ def test_every_figure_has_its_data_and_every_link_its_section(written):
 def test_paragraphs_and_lists(tmp_path, written):
     page = write_page(tmp_path / "a.html", "T", "one\ntwo\n\nthree\n\n- a\n- b", [])
     text = page.read_text(encoding="utf-8")
-    plotly = [sum("plotly.js v" in s[:200] for s in Reader(t).scripts) for t in (text, written)]
-    assert plotly == [0, 1]  # inside once, and only where there are figures
+    counts = [t.count('<script type="text/plain" id="plotly">') for t in (text, written)]
+    assert counts == [0, 1]  # inside once, packed, and only where there are figures
+    packed = next(s for s in Reader(written).scripts if len(s) > 1e6)
+    assert "plotly.js v" in gzip.decompress(b64decode(packed)).decode()[:200]
     assert "<p>one two</p>" in text
     assert "<p>three</p>" in text
     assert "<ul><li>a</li><li>b</li></ul>" in text

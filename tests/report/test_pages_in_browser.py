@@ -32,6 +32,8 @@ _DRAWN = """() => [...document.querySelectorAll(".figure:not([hidden])")].map((b
           area: Math.max(0, ...areas), traces: traces};
 })"""
 
+_UNFOLD = "() => document.querySelectorAll('details').forEach((each) => { each.open = true; })"
+
 # How far each title in a figure reaches beyond the figure's left and right edge (pixels).
 _BEYOND = """() => [...document.querySelectorAll(".figure:not([hidden])")].flatMap((box) => {
   const frame = box.getBoundingClientRect();
@@ -113,7 +115,8 @@ class Visit:
             route.abort()
 
     def figures(self):
-        """Wait until every figure that is shown is drawn; return what was drawn."""
+        """Unfold everything, wait until every figure that is shown is drawn; return what was drawn."""
+        self.page.evaluate(_UNFOLD)
         for _ in range(_WAIT_MS // _STEP_MS):
             figures = self.page.evaluate(_DRAWN)
             if all(figure["area"] > 0 for figure in figures):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -15,14 +15,19 @@ from rdpi_gym.diagnosis.checks import Check, run_checks
 from rdpi_gym.diagnosis.comparison import findings
 from rdpi_gym.diagnosis.comparison import traces as tables
 from rdpi_gym.diagnosis.comparison.error_views import (
+    PARTS,
     clock_finding,
     clock_table,
     distortion_finding,
     distortion_table,
+    resting,
+    share_of_peak,
+    share_of_rests,
     since_rest_finding,
     since_rest_table,
     spectrum_finding,
     spectrum_table,
+    squares_of_clock,
 )
 from rdpi_gym.diagnosis.comparison.findings import FEW_HALF_CYCLES
 from rdpi_gym.diagnosis.comparison.traces import Plane, Trace, fitted_extremum_V, trace
@@ -32,9 +37,26 @@ from rdpi_gym.diagnosis.preprocessing import Inspected, inspect
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Dataset, Quantities, Record, stated_quantities
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.effects.creep import Creep
 from rdpi_gym.support.errors import InputError
 
 FORMAT, VERSION = "rdpi-compare", 1
+_LEADING = 3
+_CARRIES = 0.05  # of the squared error: a finding that leads
+_PEAKED = 0.5  # of the squared error: a peak in the spectrum that explains the motion after a move
+_MARKS_NOTHING = frozenset(
+    [
+        "records/one", "records/alike", "gain/still", "gain/fits", "drift/few", "drift/little",
+        "direction/rises", "direction/falls", "direction/right", "plane/few", "since_rest/none",
+        "since_rest/on little", "since_rest/back little", "clock/overlap", "clock/few",
+        *(f"clock/{way}/{kind}" for way in ("rises", "falls") for kind in ("little", "unsure")),
+        "spectrum/short", "spectrum/noise", "spectrum/slow", "distortion/none", "distortion/noise",
+        "distortion/other",
+        *(f"trend/{by}/{kind}" for by in ("frequency", "amplitude")
+          for kind in ("none", "one", "stays/alone", "stays/confounded")),
+    ]
+)  # fmt: skip
+"""Codes of findings that there is nothing to find."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +116,18 @@ class Comparison:
         """RMS error (µm) over the records of a role, weighted by samples; None without such."""
         rows = self.records if role is None else self.records[self.records["role"] == role]
         return findings.rms_over(rows) if len(rows) else None
+
+    @property
+    def leading(self) -> tuple[str, ...]:
+        """Keys of the at most three findings that carry most of the squared error, the first most."""
+        told = {key for key, each in _statements(self).items() if each.code not in _MARKS_NOTHING}
+        share, frequency_hz = share_of_peak(self.spectrum)
+        rests = resting(self.since_rest)["time_s"]
+        # the motion after a move rings at the peak
+        if share >= _PEAKED and len(rests) and frequency_hz * float(rests.iloc[-1]) > 1.0:
+            told.discard("since_rest")
+        carried = {key: s for key, s in _shares(self).items() if key in told and s >= _CARRIES}
+        return tuple(sorted(carried, key=lambda key: -carried[key])[:_LEADING])
 
     @property
     def systematic_share(self) -> float:
@@ -217,30 +251,8 @@ def _compared(
     plane = tables.plane(samples)
     spectrum, distortion = spectrum_table(traces, floor), distortion_table(traces)
     rests, clock = since_rest_table(traces), clock_table(traces)
-    rmse_um = findings.rms_over(table)
-    train, validation = (
-        findings.rms_over(rows) if len(rows := table[table["role"] == role]) else None
-        for role in ("train", "validation")
-    )
     say = partial(text_of, quantities=dataset.quantities)
-    found = {
-        "far": findings.far_away(table),
-        "range": findings.out_of_range(samples, model.command_range_V, model.name),
-        "overall": findings.errors(table, train, validation, origin),
-        "records": findings.record_spread(table),
-        "drift": findings.drift(traces, rmse_um),
-        "clock": clock_finding(clock, rmse_um),
-        "since_rest": since_rest_finding(rests, floor),
-        "largest": findings.largest(traces),
-        "gain": findings.gain(table),
-        "by_frequency": findings.trend(frequency, "frequency_hz"),
-        "by_amplitude": findings.trend(amplitude, "amplitude_V"),
-        "by_direction": findings.direction(directions, command, rmse_um),
-        "distortion": distortion_finding(distortion, floor),
-        "spectrum": spectrum_finding(spectrum),
-        "plane": findings.command_and_rate(plane),
-    }
-    return Comparison(
+    bare = Comparison(
         title=dataset.title,
         model=model,
         traces=traces,
@@ -263,9 +275,57 @@ def _compared(
             *(f.sentence for f in inspected.findings if f.kind != "in motion"),
             *map(say, _remembered(counting, model)),
         ),
-        findings={key: say(found) for key, found in found.items() if found is not None},
+        findings={},
         quantities=dataset.quantities,
     )
+    roles = (bare.rmse_um("train"), bare.rmse_um("validation"))
+    found = {
+        "far": findings.far_away(table),
+        "range": findings.out_of_range(samples, model.command_range_V, model.name),
+        "overall": findings.errors(table, *roles, origin),
+        **_statements(bare),
+    }
+    return replace(bare, findings={key: say(s) for key, s in found.items() if s is not None})
+
+
+def _statements(found: Comparison) -> dict[str, Statement]:
+    """Return what each table suggests."""
+    rmse_um = findings.rms_over(found.records)
+    creeps = any(effect.name == Creep.name for effect in found.model.effects)
+    return {
+        "records": findings.record_spread(found.records),
+        "drift": findings.drift(found.traces, rmse_um),
+        "clock": clock_finding(found.clock, rmse_um),
+        "since_rest": since_rest_finding(found.since_rest, found.noise_floor_um, creeps),
+        "largest": findings.largest(found.traces),
+        "gain": findings.gain(found.records),
+        "by_frequency": findings.trend(found.by_frequency, "frequency_hz"),
+        "by_amplitude": findings.trend(found.by_amplitude, "amplitude_V"),
+        "by_direction": findings.direction(found.by_direction, found.by_command, rmse_um),
+        "distortion": distortion_finding(found.distortion, found.noise_floor_um),
+        "spectrum": spectrum_finding(found.spectrum),
+        "plane": findings.command_and_rate(found.plane),
+    }
+
+
+def _shares(found: Comparison) -> dict[str, float]:
+    """Return the share of the squared error (0 to 1) that each finding carries."""
+    records = found.records
+    total = float((records["samples"] * records["rmse_um"] ** 2).sum())
+    return {
+        "records": findings.share_above_rest(records),
+        "drift": findings.share_of_drift(found.traces, records),
+        "clock": squares_of_clock(found.clock) / max(total, 1e-300),
+        "since_rest": share_of_rests(found.since_rest),
+        "largest": findings.share_of_largest(found.traces, records),
+        "gain": findings.share_of_gain(found.traces, records),
+        "by_frequency": findings.share_above_rest(found.by_frequency),
+        "by_amplitude": findings.share_above_rest(found.by_amplitude),
+        "by_direction": findings.share_of_width(found.by_command, records),
+        "distortion": findings.share_of_periodic(found.distortion, PARTS, records),
+        "spectrum": share_of_peak(found.spectrum)[0],
+        "plane": (found.plane.explained_percent or 0.0) / 100.0,
+    }
 
 
 def _left_out(dataset: Dataset, samples: pd.DataFrame, plane: Plane) -> list[Statement]:

@@ -146,6 +146,15 @@ def spectrum_finding(table: pd.DataFrame) -> Statement:
     )  # fmt: skip
 
 
+def share_of_peak(table: pd.DataFrame) -> tuple[float, float]:
+    """Share of the squared error in the third of an octave with most of it, and its frequency (Hz)."""
+    power = table["residual_um"].to_numpy() ** 2
+    if not len(table) or power.sum() == 0.0:
+        return 0.0, 0.0
+    worst = int(np.argmax(power))
+    return float(power[worst] / power.sum()), float(table["frequency_hz"].iloc[worst])
+
+
 PARTS = ("gain_um", "width_um", "odd_um", "even_um", "other_um")
 """Columns whose squares add up to the squared error of the periods."""
 _EXCITED = 0.02  # of the command's strongest line
@@ -326,11 +335,9 @@ def _rows(state: str, time_s: Array, residual_um: Array, moved_um: Array) -> pd.
     )
 
 
-def since_rest_finding(table: pd.DataFrame, noise_um: float) -> Statement:
-    """Say whether the error goes on while the command rests."""
-    rows = table[
-        (table["state"] == "resting") & (table["samples"] >= _FEW) & table["moved_um"].notna()
-    ]
+def since_rest_finding(table: pd.DataFrame, noise_um: float, creeps: bool) -> Statement:
+    """Say whether the error goes on while the command rests; `creeps`: the model does."""
+    rows = resting(table)
     if len(rows) < 3:
         return statement("since_rest/none")
     decades = np.log10(rows["time_s"].to_numpy())
@@ -345,14 +352,28 @@ def since_rest_finding(table: pd.DataFrame, noise_um: float) -> Statement:
     kind = "on" if way > 0 else "back"
     if abs(way) < max(_GOES_ON * error_um, noise_um):
         kind += " little"
-    elif way > 0 and later < _STEADY * slope:
+    elif later / slope < _STEADY:
         kind += " lag"
     else:
-        kind += " far"
+        kind += " creep" if creeps and way < 0 else " far"
     return statement(
         f"since_rest/{kind}", first=float(rows["time_s"].iloc[0]),
         last=float(rows["time_s"].iloc[-1]), move=abs(way), slope=abs(slope),
     )  # fmt: skip
+
+
+def resting(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of rests after a move with enough samples."""
+    return table[
+        (table["state"] == "resting") & (table["samples"] >= _FEW) & table["moved_um"].notna()
+    ]
+
+
+def share_of_rests(table: pd.DataFrame) -> float:
+    """Share of the squared error, in rests and motion, of what goes on in rests after a move."""
+    rows, total = resting(table), float((table["samples"] * table["rmse_um"] ** 2).sum())
+    moved = np.minimum(rows["moved_um"].abs(), rows["rmse_um"]) ** 2
+    return float((rows["samples"] * moved).sum()) / total if total > 0.0 else 0.0
 
 
 def clock_table(traces: Sequence[Trace]) -> pd.DataFrame:
@@ -402,10 +423,8 @@ def clock_finding(table: pd.DataFrame, rmse_um: float) -> Statement:
     weight = np.sqrt(table["samples"].to_numpy())
     slope, _ = np.polyfit(t, mean, 1, w=weight)
     way = float(slope) * float(np.ptp(t))
-    line = slope * t
-    centred, fitted = (x - np.average(x, weights=weight**2) for x in (mean, line))
-    power = float(np.sum((weight * centred) ** 2))
-    share = float(np.sum((weight * fitted) ** 2)) / power if power > 0.0 else 0.0
+    power = squares_about_mean(mean, weight)
+    share = squares_about_mean(slope * t, weight) / power if power > 0.0 else 0.0
     sure = _sureness(t, mean, table["command_V"].to_numpy(), weight)
     kind = "several" if several else "one"
     if abs(way) < _MARKED * rmse_um:
@@ -418,6 +437,20 @@ def clock_finding(table: pd.DataFrame, rmse_um: float) -> Statement:
         f"clock/{'rises' if way > 0 else 'falls'}/{kind}", seconds=float(np.ptp(t)), move=abs(way),
         percent=100 * share,
     )  # fmt: skip
+
+
+def squares_about_mean(values: Array, weight: Array) -> float:
+    """Weighted sum of squares about the weighted mean."""
+    return float(np.sum((weight * (values - np.average(values, weights=weight**2))) ** 2))
+
+
+def squares_of_clock(table: pd.DataFrame) -> float:
+    """Sum of squares (µm²) of the straight line through the error over the experiment's clock."""
+    if len(table) < 4:
+        return 0.0
+    t, weight = table["t_s"].to_numpy(), np.sqrt(table["samples"].to_numpy())
+    slope, _ = np.polyfit(t, table["mean_um"].to_numpy(), 1, w=weight)
+    return squares_about_mean(slope * t, weight)
 
 
 def _sureness(t: Array, mean: Array, command: Array, weight: Array) -> float:

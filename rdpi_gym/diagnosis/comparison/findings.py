@@ -11,6 +11,7 @@ import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.traces import Plane, Trace
 from rdpi_gym.diagnosis.notices import Statement, statement
+from rdpi_gym.identification import residuals
 
 Row: TypeAlias = dict[Any, Any]
 
@@ -27,6 +28,7 @@ _ALIKE = 0.03  # share of its peak to peak within which a command is the same
 FEW_HALF_CYCLES = 4
 """A frequency or amplitude of fewer half-cycles is in the tables, but no sentence rests on it."""
 _FEW_SAMPLES = 20
+_BETWEEN_QUARTERS = 0.75  # of a record: between the middles of its first and last quarter
 
 
 def far_away(records: pd.DataFrame) -> Statement | None:
@@ -127,8 +129,8 @@ def gain(records: pd.DataFrame) -> Statement:
     )
 
 
-def drift(traces: Sequence[Trace], rmse_um: float) -> Statement:
-    """Say whether the residual moves from the first to the last quarter of a record's loops."""
+def _largest_drift(traces: Sequence[Trace]) -> tuple[float, str, bool] | None:
+    """Move of a residual between the outer quarters of a record's loops (µm), under the same command or not."""
     moves = []
     for each in traces:
         kept = each.cycles.by_sample(each.cycles.whole) & each.counted
@@ -147,9 +149,15 @@ def drift(traces: Sequence[Trace], rmse_um: float) -> Statement:
         residual = each.residual_um
         move = float(residual[last].mean() - residual[first].mean())
         moves.append((move, each.name, bool(change < _ALIKE * np.ptp(command))))
-    if not moves:
+    return max(moves, key=lambda found: abs(found[0]), default=None)
+
+
+def drift(traces: Sequence[Trace], rmse_um: float) -> Statement:
+    """Say whether the residual moves from the first to the last quarter of a record's loops."""
+    found = _largest_drift(traces)
+    if found is None:
         return statement("drift/few")
-    move, name, same_command = max(moves, key=lambda found: abs(found[0]))
+    move, name, same_command = found
     kind = "same" if same_command else "other"
     if abs(move) < MARKED * rmse_um:
         kind = "little"
@@ -215,6 +223,9 @@ def trend(table: pd.DataFrame, column: Literal["frequency_hz", "amplitude_V"]) -
     factor = high["rmse_um"] / low["rmse_um"] if low["rmse_um"] > 0 else math.inf
     peak = max(rows, key=lambda row: row["rmse_um"])
     kind = "grows" if factor >= GROWTH else "falls" if factor <= 1 / GROWTH else "stays"
+    relative = high["relative_percent"] / max(low["relative_percent"], 1e-300)
+    if kind == "stays" and (relative >= GROWTH or relative <= 1 / GROWTH):
+        kind = "grows relatively" if relative > 1.0 else "falls relatively"
     if peak["rmse_um"] > GROWTH * max(low["rmse_um"], high["rmse_um"]):
         kind = "peaks"
     return statement(
@@ -241,13 +252,78 @@ def command_and_rate(found: Plane) -> Statement:
     return statement(f"plane/{kind}", percent=share)
 
 
-def rms_over(records: pd.DataFrame, column: str = "rmse_um") -> float:
-    """RMS over records, each weighted by its samples (µm)."""
-    known = records[records[column].notna()]
-    total = float(known["samples"].sum())
-    if total == 0:
-        return math.nan
-    return math.sqrt(float((known["samples"] * known[column] ** 2).sum()) / total)
+def share_above_rest(table: pd.DataFrame) -> float:
+    """Share of the squared error that goes if the worst row is no worse than the others together."""
+    weights, squares = table["samples"].to_numpy(np.float64), table["rmse_um"].to_numpy() ** 2
+    total = float(weights @ squares)
+    if len(table) < 2 or total <= 0.0:
+        return 0.0
+    worst = int(np.argmax(squares))
+    rest = (total - weights[worst] * squares[worst]) / float(weights.sum() - weights[worst])
+    excess = float(weights[worst] * (squares[worst] - rest))
+    return max(excess / total, 0.0)
+
+
+def share_of_gain(traces: Sequence[Trace], records: pd.DataFrame) -> float:
+    """Share of the squared error that a gain of its own in each record removes."""
+    rows = records[np.isfinite(records["gain_ratio"])]
+    power = {(t.name, t.role): float(np.var(t.model_um[t.counted])) for t in traces}
+    own = [
+        row["samples"] * (row["gain_ratio"] - 1.0) ** 2 * power[row["name"], row["role"]]
+        for row in _rows(rows)
+    ]
+    return _share(sum(own), records)
+
+
+def share_of_largest(traces: Sequence[Trace], records: pd.DataFrame) -> float:
+    """Share of the squared error in the half-cycle of the largest difference."""
+    each = max(traces, key=lambda t: float(np.max(np.abs(t.residual_um[t.counted]))))
+    sample = int(np.argmax(np.where(each.counted, np.abs(each.residual_um), -1.0)))
+    cycle = each.cycles.by_sample(np.arange(each.cycles.rising.size))
+    return _share(
+        float(np.sum(each.residual_um[each.counted & (cycle == cycle[sample])] ** 2)), records
+    )
+
+
+def share_of_width(by_command: pd.DataFrame, records: pd.DataFrame) -> float:
+    """Share of the squared error in the difference of rising and falling means along the command."""
+    sides = [by_command[by_command["direction"] == way] for way in ("rising", "falling")]
+    both = sides[0].merge(sides[1], on="low_V", suffixes=("_up", "_down"))
+    half = 0.5 * (both["mean_um_up"] - both["mean_um_down"])
+    return _share(float(((both["samples_up"] + both["samples_down"]) * half**2).sum()), records)
+
+
+def share_of_drift(traces: Sequence[Trace], records: pd.DataFrame) -> float:
+    """Share of the squared error of a straight line through the largest drift within a record."""
+    found = _largest_drift(traces)
+    if found is None:
+        return 0.0
+    move, name, _ = found
+    samples = max(np.count_nonzero(each.counted) for each in traces if each.name == name)
+    return _share(samples * (move / _BETWEEN_QUARTERS) ** 2 / 12.0, records)
+
+
+def share_of_periodic(
+    distortion: pd.DataFrame, parts: Sequence[str], records: pd.DataFrame
+) -> float:
+    """Share of the squared error of the largest part of the record with most of it."""
+    if not len(distortion):
+        return 0.0
+    squares = distortion[list(parts)] ** 2
+    row = int(np.argmax(squares.sum(axis=1)))
+    name, role = distortion["name"].iloc[row], distortion["role"].iloc[row]
+    own = records[(records["name"] == name) & (records["role"] == role)]
+    return _share(float(own["samples"].sum()) * float(squares.iloc[row].max()), records)
+
+
+def _share(squares: float, records: pd.DataFrame) -> float:
+    total = float((records["samples"] * records["rmse_um"] ** 2).sum())
+    return min(squares / total, 1.0) if total > 0.0 else 0.0
+
+
+def rms_over(records: pd.DataFrame) -> float:
+    """RMS over the rows of a table of errors, each weighted by its samples (µm)."""
+    return residuals.rms_over(records["rmse_um"].tolist(), records["samples"].tolist())
 
 
 def _rows(table: pd.DataFrame) -> list[Row]:

@@ -23,7 +23,7 @@ from rdpi_gym.identification.joint import (
     fit_joint,
     kept_samples,
 )
-from rdpi_gym.identification.residuals import PIECES, centred_residual, pieces_of
+from rdpi_gym.identification.residuals import PIECES, centred_residual, pieces_of, rms_over
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
@@ -332,7 +332,8 @@ def _squares(
         while label in by_record:  # the held-out part of a record that is also fitted
             label += " (held out)"
         by_record[label] = math.sqrt(float((left**2).mean()))
-    return math.sqrt(float((np.concatenate(lefts) ** 2).mean())), pieces_of(lefts)
+    errors = list(by_record.values())[-len(lefts) :]
+    return rms_over(errors, [left.size for left in lefts]), pieces_of(lefts)
 
 
 def refit_all(

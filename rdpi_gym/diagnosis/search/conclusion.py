@@ -87,6 +87,8 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
     dataset = search.dataset
     say = partial(text_of, quantities=dataset.quantities)
+    base_errors, end_errors = search.errors_of(history.base), search.errors_of(end)
+    added = [replace(c, errors=end_errors) if c.errors is end.outcome.errors else c for c in added]
     warnings = plausibility_warnings(
         left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
     )
@@ -101,14 +103,16 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
         noise_floor_um=search.noise_um,
         noise_origin=say(search.noise_origin),
         numerical_floor_um=numerical.total_um,
-        base=history.base.outcome.errors,
-        final=end.outcome.errors,
+        base=base_errors,
+        final=end_errors,
         given=_given_errors(search, history.given),
         verdict=judgement.verdict,
         sampling=None if judgement.sampling is None else say(judgement.sampling),
         reservation=judgement.sampling,
         undecided=search.undecided,
-        unexplained_rmse_um=math.sqrt(max(end.outcome.mean_square - search.noise_um**2, 0.0)),
+        unexplained_rmse_um=math.sqrt(
+            max(end_errors.validation_rmse_um**2 - search.noise_um**2, 0.0)
+        ),
         remainder=sentence,
         left=shares,
         portrait=_portrait(search, history, shares),
@@ -128,7 +132,6 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
             *(dataset.quantities.said(warning, keep) for warning in warnings),
             *search.remarks,
             *history.notes,
-            *search.on_every_sample(end),
             *([search.reads_fewer] if search.reads_fewer else []),
         ),
         quantities=dataset.quantities,
@@ -249,7 +252,8 @@ def _given_errors(search: ModelSearch, given: PlantModel[Any] | None) -> Errors 
     if given is None:
         return None
     variant = Variant(given.hysteresis, given.effects)
-    return assess(search.setting, "", JointFit(variant, math.nan, (), {}, 0, True)).errors
+    fit = JointFit(variant, math.nan, (), {}, 0, True)
+    return search.errors_of(State(assess(search.setting, "", fit)))
 
 
 def _views(search: ModelSearch, states: Mapping[str, State]) -> tuple[View, ...]:

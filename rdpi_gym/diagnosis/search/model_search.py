@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
-from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.search.candidates import assess, refit
 from rdpi_gym.diagnosis.search.plants import in_few_numbers, on_comb
 from rdpi_gym.diagnosis.search.ranking import (
@@ -296,13 +296,11 @@ class ModelSearch(Pruning):
         self._progress("all samples", 2, 2)
         return base, end
 
-    def on_every_sample(self, state: State) -> tuple[str, ...]:
-        """Say what a model leaves where beginnings that were left out of judging it count too."""
-        if not any(r.name in self._spared for r in self.setting.validation):
-            return ()
-        here = replace(self._whole, smoothness=self.setting.smoothness)
-        whole_um = assess(here, "", state.fit).errors.validation_rmse_um
-        return (template("all beginnings", error=whole_um),)
+    def errors_of(self, state: State) -> Errors:
+        """Errors of a model as they are stated: beginnings that were left out of the fit count too."""
+        if not self._spared:
+            return state.outcome.errors
+        return assess(self._whole, "", state.fit).errors
 
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""

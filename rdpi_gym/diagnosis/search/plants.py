@@ -85,9 +85,10 @@ def _to_threshold_law(
     cost = law.mean_square - outcome.mean_square
     allowed = _COST * (noise_um**2 + outcome.mean_square)
     before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
+    change = 100.0 * (after / max(before, 1e-300) - 1.0)
     if cost <= allowed:
-        return law, template("law/kept", plays=plays, before=before, after=after)
-    return outcome, template("law/comb", plays=plays, before=before, after=after)
+        return law, template("law/kept", plays=plays, change=change)
+    return outcome, template("law/comb", plays=plays, change=change)
 
 
 def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> PlantModel[Any]:

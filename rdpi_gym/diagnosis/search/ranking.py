@@ -113,7 +113,7 @@ def rank(
             confidence=confidence,
             share=share,
             indistinguishable=tuple(same),
-            evidence=_evidence(current, outcome, share, signatures.get(outcome.effect, "")),
+            evidence=_evidence(current, outcome, signatures.get(outcome.effect, "")),
             remarks=tuple(remarks),
         )
         candidate = of_effect(candidate, outcome.fit, outcome.effect)
@@ -181,18 +181,13 @@ def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidat
     )
 
 
-def _evidence(current: Outcome, outcome: Outcome, share: float, signature: str) -> str:
+def _evidence(current: Outcome, outcome: Outcome, signature: str) -> str:
     before, after = current.errors, outcome.errors
     falls = {
         name: before.by_record_um[name] - after.by_record_um[name] for name in after.by_record_um
     }
     most = max(falls, key=lambda name: falls[name])
-    return template(
-        "evidence", effect=outcome.effect, before=before.validation_rmse_um,
-        after=after.validation_rmse_um, percent=100 * share, record=most,
-        most_before=before.by_record_um[most], most_after=after.by_record_um[most],
-        signature=template_of(signature),
-    )  # fmt: skip
+    return template("evidence", record=most, signature=template_of(signature))
 
 
 def _failed(outcome: Outcome) -> Candidate:

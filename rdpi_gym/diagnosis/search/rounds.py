@@ -404,9 +404,7 @@ def capped(
     tests = [said[name] for name in (kind.seen_by if kind else ()) if name in said]
     if not tests or candidate.confidence <= MOST_UNSEEN or any(map(_sees, tests)):
         return candidate
-    remark = template(
-        "unseen", percent=100.0 * MOST_UNSEEN, effect=candidate.effect, reason=tests[0].found
-    )
+    remark = template("unseen", effect=candidate.effect, reason=tests[0].found)
     return replace(candidate, confidence=MOST_UNSEEN, remarks=(*candidate.remarks, remark))
 
 

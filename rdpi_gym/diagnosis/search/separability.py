@@ -124,7 +124,8 @@ def next_experiment(
     """Name the experiment of the standard protocol that tells two effects apart best."""
     best: tuple[float, Experiment] | None = None
     smallest_V = max(hysteresis.first_threshold_V, 0.02 * scale.span_V)
-    for experiment in standard_protocol(scale.centre_V, scale.span_V, smallest_V):
+    protocol = standard_protocol(scale.centre_V, scale.span_V, smallest_V, slowness=scale.slowness)
+    for experiment in protocol:
         if experiment.role == "validation" or experiment.name in (*_NO_ADVICE, *made):
             continue
         u = experiment.command_V()
@@ -136,7 +137,8 @@ def next_experiment(
             best = (seen, experiment)
     if best is None or best[0] <= 0.0:
         return None
-    return Notice(Code.EFFECTS_APART, (best[1].name, first.name, second.name))
+    names = (best[1].name, first.name, second.name)
+    return Notice(Code.EFFECTS_APART, names, (scale.slowness,))
 
 
 _LIFTS: Mapping[Code, Code] = {

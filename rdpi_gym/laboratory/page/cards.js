@@ -9,7 +9,7 @@ import {setUi, store, units, watch} from "./state.js";
 const MOVE_MS = 220;
 const HELD_MS = 1500; // no card moves away from under a pointer that has just moved
 const PREVIEW_MS = 90;
-const LEAST = 0.005; // of the excess over the noise
+const LEAST = 0.005; // of the squared error above noise
 const SOME = 0.05; // of it: less is no reason to be sure of anything
 const NAMED = 2; // of rivals; all of them stand behind "More"
 
@@ -176,7 +176,7 @@ function sureness({probability, confidence, share, recommended, added, state}) {
     return h("span", {class: "state"}, added ? "in the model" : STATES[state]);
   }
   const says = probability === null || probability === undefined
-    ? "Confidence: how often it, or one that cannot be told from it, wins where the records are drawn anew"
+    ? "Confidence: how often it, or an effect indistinguishable from it, wins in draws of the records"
     : "Probability among the candidates";
   return h("span", {class: "probability", title: says}, percent(sure));
 }
@@ -184,7 +184,7 @@ function sureness({probability, confidence, share, recommended, added, state}) {
 /** What it takes, whether the ranking advises it, and what these records cannot tell it from. */
 function advice({share, rivals, recommended}) {
   const parts = recommended ? ["advised"] : [];
-  if (share !== null && share !== undefined) parts.push(share > LEAST ? `takes ${percent(share)} of the excess` : "takes nothing");
+  if (share !== null && share !== undefined) parts.push(share > LEAST ? `removes ${percent(share)} of the squared error above noise` : "removes nothing");
   if (rivals?.length) parts.push(`or ${listed(rivals.slice(0, NAMED).map(titled), rivals.length - NAMED)}`);
   return parts.join(" · ");
 }

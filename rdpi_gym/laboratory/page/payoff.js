@@ -1,4 +1,4 @@
-// What it buys: how well the compensators track a reference, by the model of before and by the present one.
+// Control payoff: how well the compensators track a reference, by the model of before and by the present one.
 
 import {act} from "./api.js";
 import {byId, h, replace, svg} from "./dom.js";

@@ -1,4 +1,4 @@
-// What is left: its portrait in words, and the next experiment as a plot and a file to play on the rig.
+// Residual: its portrait in words, and the next experiment as a plot and a file to play on the rig.
 
 import {byId, h, replace} from "./dom.js";
 import {count, number, time} from "./format.js";
@@ -14,7 +14,7 @@ export function beginResidual() {
 function drawLeft() {
   const left = store.server.ranking?.left;
   byId("left-sentence").textContent = left?.sentence ?? (store.server.ranking?.status === "running"
-    ? "What is left is looked at when the ranking has ended."
+    ? "The residual is judged when the ranking has ended."
     : "When the candidates are ranked, what they leave is described here.");
   replace(byId("portrait"), (left?.portrait_lines ?? []).map((text) => h("p", {}, text)));
   byId("next-experiment").textContent = left?.next_experiment ?? "";

@@ -147,7 +147,7 @@ class Creep(Effect):
         "In a hold y drifts in the direction of the last step, with a constant slope over log t; "
         "the gain falls by γ a decade of frequency."
     )
-    experiment = "Stairs of steps up and down with holds from 0.05 to 50 s."
+    experiment = "Stairs of steps up and down with holds over three decades of time."
     cause = (
         "After a step most domains switch at once and the rest go on switching ever more slowly: "
         "the remanent polarisation keeps changing under constant voltage."
