@@ -26,7 +26,6 @@ from baselines import make_controller
 def make(belief, layout):
     return make_controller("none", belief, layout)
 """
-BENCH = "bench --plants P5 --references sine --seeds 2 --jobs 2 --out out --controllers none"
 
 
 @pytest.fixture
@@ -68,8 +67,7 @@ def loaded(folder):
 @pytest.mark.parametrize(
     "words",
     [
-        BENCH,
-        "submit pi --task Bare --draws 2 --jobs 2 --out out",
+        "bench --plants P5 --references sine --seeds 2 --jobs 2 --out out --controllers none",
         "discover run.csv --jobs 2 --out out",
         "fit run.mat --plays 3 --out out",
     ],
@@ -130,7 +128,8 @@ def test_what_the_user_names_is_found_in_the_folder_by_every_process(folder):
         ):
             file.unlink()
     (folder / "my_controllers.py").write_text(CONTROLLER + RUN)
-    run = begun(folder, RDPI, *BENCH.split(), "--controller", "my_controllers:make")
+    words = "submit my_controllers:make --task Bare --draws 2 --jobs 2 --out out"
+    run = begun(folder, RDPI, *words.split())
     printed, _ = run.communicate(timeout=120)
     assert run.returncode == 0, printed
     assert loaded(folder) == [str(folder / "my_controllers.py")]
