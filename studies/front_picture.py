@@ -39,12 +39,14 @@ def _run(options: Namespace) -> None:
     print(f"picture: {write_atomic(options.out / FILE, picture)}")
 
 
-def front_picture(found: rg.Discovery) -> bytes:
+def front_picture(found: rg.SearchResult) -> bytes:
     """Draw a discovery's last validation record, its residuals, and the errors of its models."""
     view = next(each for each in found.views if each.role == "validation")
     shown = slice(-_SAMPLES, None)
     u, y = view.u_V[shown], view.y_um[shown]
-    before, after = (np.asarray(view.models_um[name])[shown] for name in _ends(view.models_um))
+    before, after = (
+        np.asarray(view.models_um[name])[shown] for name in _ends(list(view.models_um))
+    )
     volts, micrometres = "Command (V)", "Displacement (µm)"
     loops = Panel(
         [

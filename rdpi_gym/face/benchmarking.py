@@ -190,7 +190,9 @@ def first_of(
     An error below the sensor noise (µm rms) is said to be that. The bound is shown where it is alone.
     """
     bound = ranked["rank"] == "bound"
-    shown = ((~bound).cumsum() <= most) & ~bound | ranked["controller"].isin(own) | bound.all()
+    shown = (
+        ((~bound).cumsum() <= most) & ~bound | ranked["controller"].isin(own) | bool(bound.all())
+    )
     title, rivals = "Ranking", int((~bound).sum())
     if rivals > most:
         yours = ", and yours" if (shown & ~bound).sum() > most else ""
@@ -290,7 +292,7 @@ def benchmark(
     notes: list[str] = []
     payoff = None
 
-    def hear(name: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    def hear(name: str, rows: Sequence[dict[str, Any]]) -> None:
         if told is not None:
             told(name, evaluation.by_plant(selection, rows))
 
