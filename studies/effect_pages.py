@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 
 from baselines.extended import ExtendedInverse
-from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import P10, Plant, PlantModel
@@ -87,7 +86,7 @@ def tracked(effect: Effect) -> Iterator[Tracked]:
     The plant is P10 with a rate low-passed as in the benchmark; the command is computed beforehand
     and applied open loop, and the error is that of the path that the effect is in.
     """
-    bare = limit_band(P10, RATE_BANDWIDTH_HZ)
+    bare = limit_band(P10)
     having = replace(bare, effects=(effect,))
     for reference in references():
         layout = ObservationLayout.for_plant(P10, reference.ts_s, preview=_PREVIEW)

@@ -3,7 +3,7 @@
     python -m studies.firmware_truth
 
 Each is exported, compiled in every precision it has, and run over random records as `rdpi verify` makes
-them: controllers over a thousand of a thousand samples, plants over ten of a hundred thousand, since
+them, controllers against the ones that a benchmark makes and scores: controllers over a thousand of a thousand samples, plants over ten of a hundred thousand, since
 what is slow in them shows late. Differences are in strokes (plants) or
 in ranges of the command (controllers).
 """
@@ -20,11 +20,15 @@ from typing import Any
 
 import pandas as pd
 
+from baselines.base import Baseline
 from baselines.inverses.base import INVERSES
+from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
+from benchmarks.tracking.stages import make_stage
 from rdpi_gym.envs.tasks.whole_stage import STAGE
-from rdpi_gym.firmware.making import package_of
-from rdpi_gym.firmware.verify import verify
+from rdpi_gym.firmware.making import ControllerTwin, package_of
+from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.verify import compare
 from rdpi_gym.firmware.writing.package import write_package
 from rdpi_gym.plant import CORES, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -98,13 +102,25 @@ def measure(chosen: Sequence[Case], records: int, seed: int, say: bool = False) 
     return pd.DataFrame(rows)
 
 
+def as_scored(program: Program, case: Case) -> Program:
+    """Return an exported program beside the controller that a benchmark makes and scores."""
+    believed, own = make_stage(case.model).plant, program.twin
+    assert isinstance(own, ControllerTwin)
+    layout = type(own.made.layout).for_plant(believed, program.ts_s, preview=program.preview)
+    made = make_controller(case.controller or "", believed, layout)
+    assert isinstance(made, Baseline)
+    return replace(program, twin=ControllerTwin(made))
+
+
 def _verified(case: Case, records: int, seed: int) -> dict[str, object]:
     with TemporaryDirectory(prefix="rdpi-truth-") as folder:
         package = package_of(case.model, TS_S, case.controller)
-        program = package.source.program
-        longer = _LONGER if case.controller is None else 1
         written = write_package(package, Path(folder) / "out")
-        found = verify(written, max(records // longer, 1), SAMPLES * longer, seed)
+        program, longer = package.source.program, _LONGER
+        if case.controller is not None:
+            program, longer = as_scored(program, case), 1
+        against = replace(package, source=replace(package.source, program=program))
+        found = compare(against, written, max(records // longer, 1), SAMPLES * longer, seed)
     by = {row.precision: row for row in found.rows if row.what == "records"}
     wild = [row for row in found.rows if row.what == "wild inputs"]
     return {

@@ -36,6 +36,7 @@ from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.monitors import GROWTH, RingingMonitor
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tasks import named_task
+from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
@@ -377,6 +378,7 @@ def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentCo
             )
         belief, layout = named_task(task).belief(), policy.layout
     else:
+        belief = limit_band(belief)
         layout = ObservationLayout.for_plant(belief, policy.layout.ts_s, policy.layout.preview)
     layout = replace(layout, action="command")
     needed = StudentController(policy, belief, layout).needed_preview

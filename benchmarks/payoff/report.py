@@ -9,7 +9,7 @@ from benchmarks.payoff.scores import BELIEFS, HIDDEN_PLANTS, NOISE_UM, PREVIEW, 
 from benchmarks.rows import paragraphs
 from benchmarks.tracking.episode import DIVERGED, ERROR, words
 from benchmarks.tracking.stages import NOISE_UM as SENSOR_NOISE_UM
-from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.chart import Axis, Chart, Mark, Note, Panel, Series, side_by_side
 from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.page import Section

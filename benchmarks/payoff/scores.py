@@ -19,7 +19,7 @@ from benchmarks.tracking.case import Case
 from benchmarks.tracking.controllers import code_fingerprint
 from benchmarks.tracking.episode import score_lane, timed_recording
 from benchmarks.tracking.evaluation import COLUMNS as SCORES
-from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ, make_stage
+from benchmarks.tracking.stages import make_stage
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
@@ -264,7 +264,7 @@ def run_task(task: Task) -> list[Row]:
     stage, cases = make_stage(task.hidden.plant, [TS_S]), payoff_cases()
     layout = ObservationLayout.for_plant(stage.plant, TS_S, preview=PREVIEW)
     references = stage.references([(case, task.seed) for case in cases], TS_S, PREVIEW)
-    belief = limit_band(task.belief, RATE_BANDWIDTH_HZ)
+    belief = limit_band(task.belief)
     rngs = [np.random.default_rng([task.seed, lane]) for lane in range(len(cases))]
     recording, warning, timed = timed_recording(
         lambda _: make_controller(task.controller, belief, layout),

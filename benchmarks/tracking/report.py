@@ -23,7 +23,8 @@ from benchmarks.tracking.evaluation import (
     ranking_view,
 )
 from benchmarks.tracking.measured import MEMORY_S, MeasuredScores
-from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ, SPREAD, SUITE_VERSION, Stage
+from benchmarks.tracking.stages import NOISE_UM, SPREAD, SUITE_VERSION, Stage
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.markdown import frame_table, leading_rows, plain

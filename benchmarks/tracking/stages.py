@@ -41,8 +41,6 @@ def cases(references: Sequence[str], amplitude_um: float, base_hz: float) -> tup
     return tuple(case for name in references for case in REFERENCES[name](amplitude_um, base_hz))
 
 
-RATE_BANDWIDTH_HZ = 800.0
-"""Plants that score have a band-limited rate: a literal one rewards dither."""
 NOISE_UM = 0.010
 """Sensor noise (µm, one standard deviation) of a plant that states none."""
 SPREAD = 0.05
@@ -145,10 +143,10 @@ def make_stage(
 ) -> Stage:
     """Prepare a plant for scoring."""
     sensor = plant.sensor if plant.sensor.noise_um else replace(plant.sensor, noise_um=NOISE_UM)
-    scored = replace(limit_band(plant, RATE_BANDWIDTH_HZ), sensor=sensor)
+    scored = replace(limit_band(plant), sensor=sensor)
     slow = _triangle_rate_V_s(plant, 10.0) > (largest_rate_V_s(plant) or math.inf)
     usual = SLOW_TS_S if slow else TS_S
-    belief = None if believed is None else limit_band(believed, RATE_BANDWIDTH_HZ)
+    belief = None if believed is None else limit_band(believed)
     times = usual if ts_s is None else tuple(ts_s)
     return Stage(scored, times, 1.0 if slow else 10.0, believed=belief)
 

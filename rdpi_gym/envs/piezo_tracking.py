@@ -23,7 +23,13 @@ from rdpi_gym.envs.references import (
     reference_choices,
 )
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
-from rdpi_gym.envs.truth import PLANT_OPTIONS, PlantChoice, TruthSource, choose_plant
+from rdpi_gym.envs.truth import (
+    PLANT_OPTIONS,
+    RATE_BANDWIDTH_HZ,
+    PlantChoice,
+    TruthSource,
+    choose_plant,
+)
 from rdpi_gym.envs.unit_box import UnitBox
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Signal
@@ -187,7 +193,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         *,
         plant: PlantChoice = "P10",
         ts_s: float = 1e-4,
-        rate_bandwidth_hz: float | None = 800.0,
+        rate_bandwidth_hz: float | None = RATE_BANDWIDTH_HZ,
         reference: ReferenceChoice | Sequence[ReferenceChoice] = "sine",
         frequency_hz: FrequencyChoice = (10.0, 100.0),
         amplitude_um: float | None = None,

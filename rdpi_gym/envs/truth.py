@@ -39,7 +39,13 @@ def choose_plant(choice: PlantChoice) -> PlantModel:
     )
 
 
-def limit_band(model: PlantModel, rate_bandwidth_hz: float | None) -> PlantModel:
+RATE_BANDWIDTH_HZ = 800.0
+"""Cut-off (Hz) of the rate of plants that score, and of beliefs about them: a literal rate rewards dither."""
+
+
+def limit_band(
+    model: PlantModel, rate_bandwidth_hz: float | None = RATE_BANDWIDTH_HZ
+) -> PlantModel:
     """Return the plant with its rate's cut-off at most `rate_bandwidth_hz` (Hz), or unchanged (None)."""
     own = model.hysteresis.rate_bandwidth_hz
     if rate_bandwidth_hz is None:

@@ -20,7 +20,6 @@ from benchmarks.tracking.controllers import named
 from benchmarks.tracking.episode import Caution, cautions, play, score
 from benchmarks.tracking.run import benchmark as run_benchmark
 from benchmarks.tracking.selection import select
-from benchmarks.tracking.stages import RATE_BANDWIDTH_HZ
 from rdpi_gym.envs.controller import warning_of
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tracking import TrackingTask
@@ -416,8 +415,8 @@ def track(
     >>> rg.track("classical-static", "P5", sine, 1e-3).rmse_um < blind.rmse_um / 2
     True
     """
-    truth = limit_band(as_plant(plant), RATE_BANDWIDTH_HZ)
-    told = truth if belief is None else limit_band(as_plant(belief), RATE_BANDWIDTH_HZ)
+    truth = limit_band(as_plant(plant))
+    told = truth if belief is None else limit_band(as_plant(belief))
     reference = np.array(reference_um, dtype=np.float64)
     if reference.ndim != 1 or not np.isfinite(reference).all():
         raise InputError(f"reference_um of shape {reference.shape}; give finite numbers, (K,)")

@@ -65,7 +65,8 @@ def export_c(
         Folder that is written; one that an earlier export wrote is replaced.
     controller
         A name of :data:`rdpi_gym.controllers` that believes in the plant, or ``learned:`` and a
-        policy; None: the plant itself, for hardware in the loop.
+        policy; None: the plant itself, for hardware in the loop. As in :func:`track`, the rate of
+        the belief has a cut-off of 800 Hz at most.
     ts_s
         Sampling time (s).
     preview

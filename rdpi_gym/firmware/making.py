@@ -16,6 +16,7 @@ from baselines.base import Baseline
 from baselines.lookup import GUARDED, LEARNED, make_controller
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
 from rdpi_gym.firmware.program import Block, Known, Memory, Program, Table
 from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Store, Tables, Traced, constant
@@ -108,7 +109,7 @@ def controller_program(
     ts_s: float,
     preview: int | None = None,
 ) -> Program:
-    """Return a controller's sample as C."""
+    """Return a controller's sample as C: of the one that scores, whose belief has a band-limited rate."""
     if not name.startswith((LEARNED, GUARDED)):
         kind = known_controller(name)
         if hasattr(getattr(kind, "func", kind), "plan"):
@@ -116,7 +117,7 @@ def controller_program(
                 f"{name} plans over the whole reference before an episode, which code that runs sample "
                 "by sample does not have; name another, such as pi-classical-reference-rate"
             )
-    return traced_program(_made(name, belief, ts_s, preview), name)
+    return traced_program(_made(name, limit_band(belief), ts_s, preview), name)
 
 
 def traced_program(made: Baseline, title: str) -> Program:

@@ -136,7 +136,6 @@ def verify(
 
     The code is run: verify only what you exported, or trust.
     """
-    say = progress or silent
     for name, value in {"records": records, "samples": samples}.items():
         if value < 1:
             raise InputError(f"{name} is {value}; give 1 or more")
@@ -146,7 +145,19 @@ def verify(
     package = package_again(
         read_json(folder / DESCRIPTION, FORMAT, VERSION), str(folder / DESCRIPTION)
     )
-    source = package.source
+    return compare(package, folder, records, samples, seed, progress)
+
+
+def compare(
+    package: Package,
+    folder: Path,
+    records: int,
+    samples: int,
+    seed: int,
+    progress: Progress | None = None,
+) -> Verification:
+    """Compare an exported folder's code with what it was made of; see :func:`verify`."""
+    say, source = progress or silent, package.source
     needed = (f"{source.name}.h", f"{source.name}.c", "main.c", "rdpi_vectors.h")
     for missing in (name for name in needed if not (folder / name).is_file()):
         raise InputError(f"{folder} has no {missing}; export it anew")

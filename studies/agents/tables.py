@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
+from benchmarks.tracking.stages import NOISE_UM
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.chart import Axis, Chart, Level, Mark, Panel, Series
 from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.style import INK, PALETTE

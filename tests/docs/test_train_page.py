@@ -10,9 +10,10 @@ import pytest
 
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
 from benchmarks.effect_discovery.__main__ import options
-from benchmarks.tracking.stages import NOISE_UM, RATE_BANDWIDTH_HZ
+from benchmarks.tracking.stages import NOISE_UM
 from rdpi_gym.cli import main as rdpi
 from rdpi_gym.envs import PiezoTrackingEnv
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json

@@ -25,6 +25,7 @@ from rdpi_gym.plant import CORES, P5, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, load_effect
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.errors import InputError
+from studies.firmware_truth import Case, as_scored
 from tests.firmware.programs import answers, needs_gcc
 
 TS_S, SAMPLES, LANES = 1e-4, 300, 2
@@ -64,10 +65,10 @@ def allowed(program: Program) -> float:
 
 
 @needs_gcc
-def test_every_controller_gives_the_commands_of_its_python(tmp_path: Path) -> None:
+def test_every_controller_gives_the_commands_of_the_one_that_scores(tmp_path: Path) -> None:
     left_out = (*PLANS, *(() if find_spec("slycot") else ("h-infinity",)))
     for name in (each for each in CONTROLLERS if each not in left_out):
-        program = controller_program(name, P10, TS_S)
+        program = as_scored(controller_program(name, P10, TS_S), Case("", name, P10, name))
         assert off_by(program, tmp_path) <= allowed(program), name
         assert program.exact or program.inexact_because, name
 

@@ -23,7 +23,7 @@ NOISE_UM = 0.01
 def stage(name: str, *effects: Effect, base: PlantModel = P10) -> PlantModel:
     """Return a plant of the tasks: its rate low-passed at 800 Hz, its sensor noisy."""
     sensor = Sensor(noise_um=NOISE_UM)
-    return replace(limit_band(base, 800.0), name=name, effects=effects, sensor=sensor)
+    return replace(limit_band(base), name=name, effects=effects, sensor=sensor)
 
 
 BARE = StageTask(

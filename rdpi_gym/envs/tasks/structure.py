@@ -9,6 +9,7 @@ from pathlib import Path
 from rdpi_gym.envs.tasks.environment import environment_of
 from rdpi_gym.envs.tasks.one_effect import CREEP, LAG, MODE, NOISE_UM, stage
 from rdpi_gym.envs.tasks.task import StageTask
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.plant import PlantModel, Sensor, named_plant
 
 KINDS = ("preisach", "bouc_wen", "duhem")
@@ -29,7 +30,7 @@ def structure_belief(kind: str) -> PlantModel:
     path = Path(str(files("rdpi_gym.envs.tasks") / "beliefs")) / f"{kind}.json"
     truth = structure_truth(kind)
     fitted = PlantModel.load(path)
-    core = fitted.hysteresis.band_limited(800.0)
+    core = fitted.hysteresis.band_limited(RATE_BANDWIDTH_HZ)
     return replace(truth, hysteresis=core, offset_um=fitted.offset_um, name=fitted.name)
 
 
