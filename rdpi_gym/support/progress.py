@@ -43,7 +43,7 @@ def progress_bar() -> Iterator[Progress]:
         last = ""
 
         def compiled(found: Compilations) -> None:
-            bar.update(task, description=found.title if found.depth else last)
+            bar.update(task, description=found.title if found.depth else last, refresh=True)
 
         def show(stage: str, done: int, total: int) -> None:
             nonlocal last
