@@ -46,7 +46,7 @@ def moving_plays(gram: Array, motion: float) -> BoolArray:
 
 def project(gram: Array, n: int, bounds: Bounds) -> tuple[Array, BoolArray, float]:
     """Best weights for the Gram matrices of the records, which of them are free, and the cost."""
-    allowed, passive = np.ones((2, n + 1), dtype=np.bool_)
+    allowed, passive = (np.ones(n + 1, dtype=np.bool_) for _ in range(2))
     weights, cost = weights_of_records(gram, bounds.motion, bounds.a0, allowed, passive)
     return weights, passive, cost
 
