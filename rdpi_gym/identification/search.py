@@ -38,15 +38,14 @@ class Point(NamedTuple):
 def moving_plays(gram: Array, motion: float) -> BoolArray:
     """Say which regressors move by `motion` (rms, as a part of the command's) in some record."""
     squares = gram.diagonal(axis1=1, axis2=2)[:, :-1]
-    moving: BoolArray = ((squares >= motion * motion * squares[:, :1]) & (squares > 0.0)).any(
-        axis=0
-    )
+    is_moved = (squares >= motion * motion * squares[:, :1]) & (squares > 0.0)
+    moving: BoolArray = np.any(is_moved, axis=0)
     return moving
 
 
 def project(gram: Array, n: int, bounds: Bounds) -> tuple[Array, BoolArray, float]:
     """Best weights for the Gram matrices of the records, which of them are free, and the cost."""
-    allowed, passive = (np.ones(n + 1, dtype=np.bool_) for _ in range(2))
+    allowed, passive = np.ones((2, n + 1), dtype=np.bool_)
     weights, cost = weights_of_records(gram, bounds.motion, bounds.a0, allowed, passive)
     return weights, passive, cost
 
