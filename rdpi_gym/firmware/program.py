@@ -5,12 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rdpi_gym.support.arrays import Array
+
+
+class Part(NamedTuple):
+    """Neighbours in a table or a memory that have a name of their own."""
+
+    name: str
+    count: int
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -23,6 +31,8 @@ class Table:
     name: str  # an identifier of C, lower case
     values: NDArray[Any]
     type: str = "rdpi_real"
+    parts: Sequence[Part] = ()  # in their order, from the first number on; empty: none is named
+    about: str = ""
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,8 @@ class Memory:
     rest: NDArray[Any]
     by_reference: Array  # added to it by each µm (code) of the first reference; zero for a plant
     type: str = "rdpi_real"
+    parts: Sequence[Part] = ()  # as those of a table
+    about: str = ""
 
 
 @dataclass(frozen=True)
