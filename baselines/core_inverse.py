@@ -105,7 +105,7 @@ class CoreInverse(Feedforward):
         return displacement
 
 
-POWERS = 4
+TERMS = 4
 """Powers of θ, from 0 on, of an inverse of linear effects."""
 
 
@@ -129,17 +129,17 @@ def inverse_command(
 
 def linear_inverse(belief: PlantModel, ts_s: float) -> tuple[float, Array]:
     """Return the belief's delay in samples, and its linear effects' inverse in powers of θ."""
-    delay, series = 0.0, np.array([1.0, *[0.0] * (POWERS - 1)])
+    delay, series = 0.0, np.array([1.0, *[0.0] * (TERMS - 1)])
     for effect in belief.effects:
         sampled = effect.sampled_at(ts_s)
         if sampled.name == "delay":
             delay += sampled.values["delay_s"] / ts_s
         elif type(sampled).block is linear_block:
-            own = inverse_series(sampled.coefficients(ts_s, belief.hysteresis), POWERS - 1)
-            series = np.convolve(series, own)[:POWERS]
+            own = inverse_series(sampled.coefficients(ts_s, belief.hysteresis), TERMS - 1)
+            series = np.convolve(series, own)[:TERMS]
     return delay, series
 
 
-def look_ahead(samples: float, powers: int = POWERS) -> Array:
+def look_ahead(samples: float, powers: int = TERMS) -> Array:
     """Return what looks ahead by so many samples, in powers of θ."""
     return np.array([samples**q / math.factorial(q) for q in range(powers)])

@@ -20,7 +20,7 @@ import numpy as np
 
 from baselines.adaptive_feedforward import MOST, AdaptiveFeedforward
 from baselines.base import Observation
-from baselines.linear_feedback import CorrectedInverse, LinearFeedback
+from baselines.linear_designs import CorrectedInverse, LinearFeedback
 from baselines.loops import (
     BeliefPath,
     LinearSystem,
@@ -169,7 +169,7 @@ class CorrectedAdaptive(AdaptiveFeedforward):
     def corrected_command(
         self, observation: Observation, correction_um: Array, state: Array
     ) -> Array:
-        """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_feedback.CorrectedInverse`."""
+        """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_designs.CorrectedInverse`."""
         measured = self.layout.measured_um(observation)
         now = self.layout.reference_um(observation, slice(1))[:, 0]
         wanted = self.wanted_um(observation, measured, now, state)

@@ -11,7 +11,7 @@ from scipy import signal
 from baselines.adaptive_feedforward import spline_weights
 from baselines.base import Observation, Rows
 from baselines.core_inverse import (
-    POWERS,
+    TERMS,
     hysteresis_inverse,
     inverse_command,
     linear_inverse,
@@ -76,7 +76,7 @@ class Repetitive(Tunable):
         delay, series = linear_inverse(belief, layout.ts_s)
         self._ahead = round(delay) + WINDOW
         offsets = np.arange(-WINDOW, self._ahead + 1)
-        self._undo = preview_weights(np.convolve(series, look_ahead(delay))[:POWERS], offsets)
+        self._undo = preview_weights(np.convolve(series, look_ahead(delay))[:TERMS], offsets)
         self._lead = round(delay + series[1])
         self._half = max(round(HALF_S / layout.ts_s), 1)
         band = min(2.0 * self.settings["band_hz"] * layout.ts_s, 0.95)

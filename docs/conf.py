@@ -12,6 +12,8 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
+from sphinx_gallery import backreferences
+
 os.environ["COLUMNS"] = "100"  # tables that the gallery prints
 os.environ["NO_COLOR"] = "1"
 
@@ -100,6 +102,11 @@ sphinx_gallery_conf: dict[str, Any] = {
     "capture_repr": ("_repr_html_", "__repr__"),
     "ignore_repr_types": r"matplotlib\.|list|tuple",
 }
+
+# Thumbnails of the gallery have the title of their example as alternative text.
+for _template in ("THUMBNAIL_TEMPLATE", "BACKREF_THUMBNAIL_TEMPLATE"):
+    _text = getattr(backreferences, _template)
+    setattr(backreferences, _template, _text.replace(":alt:\n", ":alt: {title}\n"))
 
 html_theme = "pydata_sphinx_theme"
 html_title = "rdpi-gym"

@@ -15,7 +15,6 @@ from importlib import import_module
 from pathlib import Path
 
 from rdpi_gym.support.command import run_command
-from rdpi_gym.support.errors import InputError
 
 _HERE = Path(__file__).parent
 
@@ -51,9 +50,9 @@ def _run(words: list[str]) -> int:
     if not words or words[0] in ("-h", "--help"):
         print(*(f"{name}: {line}" for name, line in known.items()), sep="\n")
         return 0
-    name = words[0].replace("-", "_")
-    if name not in known:
-        raise InputError(f"no study is named {words[0]!r}; known are {', '.join(known)}")
+    from studies.runner import names_of  # pandas, only where a study runs
+
+    (name,) = names_of("study", [words[0].replace("-", "_")], known)
     place = f"studies.{name}.__main__" if (_HERE / name).is_dir() else f"studies.{name}"
     status: int = import_module(place).main(words[1:])
     return status

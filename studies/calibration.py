@@ -42,7 +42,7 @@ from rdpi_gym.report.chart import Axis, Panel, Series, side_by_side
 from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.style import MUTED, PALETTE
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from rdpi_gym.support.markdown import frame_table

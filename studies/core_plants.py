@@ -27,7 +27,7 @@ from rdpi_gym.measurement.options import DataOptions
 from rdpi_gym.plant import CORES, Plant, PlantModel
 from rdpi_gym.plant.cores.lugre import LuGre
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 

@@ -25,11 +25,11 @@ from rdpi_gym.firmware.writing.source import Source
 from rdpi_gym.firmware.writing.vectors import SAMPLES
 from rdpi_gym.plant import P10, PlantModel
 from rdpi_gym.plant.effects import Effect, load_effect
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from studies.bare_metal import BOARDS, COMPILER, EMULATOR, cost, missing, write_sources
-from studies.runner import Files, Study
+from studies.runner import Files, Study, names_of
 
 RESULTS = Path(__file__).parent / "results"
 TS_S = 5e-5
@@ -161,10 +161,7 @@ def _version(tool: str) -> str:
 
 
 def _measure_all(chosen: Namespace) -> Files:
-    unknown = [name for name in chosen.only or () if name not in cases()]
-    if unknown:
-        raise InputError(f"--only {unknown[0]} is no row; known are {', '.join(cases())}")
-    table, without = measure(chosen.only, chosen.samples)
+    table, without = measure(names_of("program", chosen.only or (), cases()), chosen.samples)
     if table.empty:
         raise InputError("; ".join(f"{name}: {why}" for name, why in without.items()))
     text = as_markdown(table, without, chosen.samples)

@@ -25,7 +25,7 @@ from baselines.inverses.base import INVERSES
 from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
 from benchmarks.tracking.stages import make_stage
-from rdpi_gym.envs.tasks.whole_stage import STAGE
+from rdpi_gym.envs.tasks.stages import STAGE
 from rdpi_gym.firmware.making import ControllerTwin, package_of
 from rdpi_gym.firmware.program import Program
 from rdpi_gym.firmware.verify import compare

@@ -34,7 +34,7 @@ from rdpi_gym.measurement import Dataset, Record, example_folder, load
 from rdpi_gym.plant import P10, RDPI, Plant, PlantModel, empty_state
 from rdpi_gym.plant.cores.play import given_rate_block
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from studies.runner import Files, Study

@@ -36,13 +36,12 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.signals.experiments import PAUSE_S
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import silent
 from rdpi_gym.support.store import Row
-from rdpi_gym.virtual_lab.dataset import plant_displacement, simulate_dataset
-from rdpi_gym.virtual_lab.truth import Truth
+from rdpi_gym.virtual_lab.dataset import Truth, plant_displacement, simulate_dataset
 from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "kind_choice"

@@ -19,7 +19,7 @@ from benchmarks.stages.ranking import agreement, rank_correlation, ranking, riva
 from benchmarks.stages.run import TestSeed, field, run_tasks
 from benchmarks.tracking.controllers import shipped_policies
 from rdpi_gym.envs.tasks import TASKS
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row
 from studies.runner import Files, Study

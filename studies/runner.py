@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 import pandas as pd
 
 from benchmarks.rows import Keyed, run_rows
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files

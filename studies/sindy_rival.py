@@ -36,7 +36,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows

@@ -37,7 +37,7 @@ from rdpi_gym.plant.cores.play import rdpi_block
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.markdown import frame_table
 from studies.runner import RESULTS, Files, Study, names_of
 

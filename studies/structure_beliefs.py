@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 
 import rdpi_gym.envs.tasks
-from rdpi_gym.envs.tasks.structure import KINDS, structure_truth
+from rdpi_gym.envs.tasks.stages import KINDS, structure_truth
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.signals import BandLimitedNoise, NestedLoops, Signal
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 
 BELIEFS = Path(rdpi_gym.envs.tasks.__file__).parent / "beliefs"
 PLAYS = 10

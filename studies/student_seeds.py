@@ -19,7 +19,7 @@ from baselines.learned.imitation.rounds import Options as Teaching
 from baselines.learned.imitation.rounds import train
 from baselines.learned.options import CURVE
 from rdpi_gym.face.tasks import score_tasks
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar

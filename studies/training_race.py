@@ -37,7 +37,7 @@ from benchmarks.stages.ranking import ranking
 from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.envs.tasks import named_task
 from rdpi_gym.envs.tasks.task import PUBLIC_SEED
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
 from rdpi_gym.support.markdown import frame_table

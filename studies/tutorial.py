@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from rdpi_gym.measurement import example_folder
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from studies.chromium import chromium, figure_png
 from studies.pages import TEMPLATES, Session, fill
 from studies.runner import Files, Study, names_of

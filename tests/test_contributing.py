@@ -55,7 +55,7 @@ TASK = '''"""Stiff: a stage whose mode lies beyond what the references excite.""
 from dataclasses import replace
 
 from rdpi_gym.envs.tasks.environment import environments_of
-from rdpi_gym.envs.tasks.one_effect import LAG, MODE, stage
+from rdpi_gym.envs.tasks.stages import LAG, MODE, stage
 from rdpi_gym.envs.tasks.task import StageTask
 
 STIFF = StageTask(

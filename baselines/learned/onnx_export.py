@@ -19,8 +19,7 @@ from baselines.adaptive_feedforward import (
     AdaptiveFeedforward,
 )
 from baselines.classical import ClassicalReferenceRate, pack_inverse
-from baselines.learned.imitation.policy import StudentController, StudentPolicy
-from baselines.learned.imitation.student import (
+from baselines.learned.imitation.policy import (
     CORRECTIONS,
     COURSE,
     ERRORS,
@@ -28,7 +27,9 @@ from baselines.learned.imitation.student import (
     PREVIEW,
     UNIT_UM,
     Student,
+    StudentController,
     StudentFeedforward,
+    StudentPolicy,
 )
 from baselines.learned.onnx_graph import Graph, Signal, check_file, content
 from baselines.learned.policy import Policy
@@ -193,7 +194,7 @@ def inverse_command(
 def student_correction(
     student: Student, seen: Signal, error: Signal, memory: Signal
 ) -> tuple[Signal, Signal]:
-    """Return the correction (µm) and the memory: :meth:`~baselines.learned.imitation.student.Student.answer_um`.
+    """Return the correction (µm) and the memory: :meth:`~baselines.learned.imitation.policy.Student.answer_um`.
 
     Python rounds to single precision within; here nothing is.
     """

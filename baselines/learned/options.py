@@ -13,8 +13,7 @@ from typing import Any
 
 from baselines.learned.settings import SHIPPED, Settings, read_settings
 from rdpi_gym.envs.layout import ActionMode
-from rdpi_gym.envs.references import ReferenceChoice
-from rdpi_gym.envs.truth import choose_plant
+from rdpi_gym.envs.truth import ReferenceChoice, choose_plant
 from rdpi_gym.plant import P10, PlantModel, Sensor, check_ts
 from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
 from rdpi_gym.plant.effects.creep import Creep

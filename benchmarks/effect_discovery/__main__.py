@@ -35,7 +35,7 @@ from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.report import REPORTS
 from benchmarks.rows import run_rows, stored_rows
 from rdpi_gym.support.checks import unknown_name
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import progress_bar

@@ -17,9 +17,8 @@ from rdpi_gym.measurement import Dataset, load, write_csv
 from rdpi_gym.plant import P10, RDPI, PlantModel
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.virtual_lab.dataset import simulate_dataset
+from rdpi_gym.virtual_lab.dataset import Truth, simulate_dataset
 from rdpi_gym.virtual_lab.draws import HIDEABLE, hide
-from rdpi_gym.virtual_lab.truth import Truth
 
 NUMBERS = {"single": 20, "pairs": 3, "none": 100, "outside": 20, "invariance": 2}
 """Studies, and how many plants each subject of one gets."""

@@ -11,8 +11,7 @@ from numba import njit
 
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.dataset import displacement
-from rdpi_gym.virtual_lab.truth import Truth
+from rdpi_gym.virtual_lab.dataset import Truth, displacement
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from benchmarks.paper.tracking import Trace, Tracking
 from rdpi_gym.report.chart import Axis, Chart, Panel, Series
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.style import INK, MUTED, PALETTE, REFERENCE, matplotlib_style
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.files import write_atomic
 

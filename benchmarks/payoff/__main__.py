@@ -21,7 +21,7 @@ from benchmarks.payoff.scores import (
 )
 from benchmarks.rows import write_csv
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import progress_bar

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from baselines import HORIZON_BOUND, Controller, TrueHorizon, make_controller
 from baselines.learned.options import check_same
 from rdpi_gym.envs.tasks import StageTask, named_task
-from rdpi_gym.envs.tasks.changing import ChangingPlant
 from rdpi_gym.envs.tasks.environment import TaskEnv
+from rdpi_gym.envs.tasks.task import ChangingPlant
 from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, replaced_folder, settled_folder, write_json

@@ -25,7 +25,7 @@ from rdpi_gym.report.chart import (
 from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.style import INK, PALETTE, REFERENCE, figure_text
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.words import number
 

@@ -9,10 +9,10 @@ import typer
 from typer.core import TyperGroup
 
 import rdpi_gym as rg
+from baselines.learned.onnx_graph import told
 from rdpi_gym.cli.options import SeedOption, as_typed, expanded
-from rdpi_gym.support.command_line import check_folder
+from rdpi_gym.support.command import check_folder
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.onnx_metadata import told
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.words import quoted
 

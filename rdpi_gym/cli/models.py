@@ -11,7 +11,7 @@ import rdpi_gym as rg
 from rdpi_gym.cli.options import DataArgument, OutOption, SeedOption, VerboseOption, as_typed, words
 from rdpi_gym.cli.tables import print_result, print_table
 from rdpi_gym.face.options import DataOptions
-from rdpi_gym.support.command_line import check_folder
+from rdpi_gym.support.command import check_folder
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from rdpi_gym.support.progress import progress_bar

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
 
 import typer
 
-from rdpi_gym.support.command_line import check_folder, check_jobs
+from rdpi_gym.support.command import check_folder, check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option, entries, option_fields
 

@@ -15,20 +15,18 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.controller import Correction
 from rdpi_gym.envs.layout import DEFAULT_FIELDS, ActionMode, ObservationLayout
-from rdpi_gym.envs.references import (
-    FrequencyChoice,
-    ReferenceChoice,
-    ReferenceSource,
-    frequency_bounds,
-    reference_choices,
-)
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
 from rdpi_gym.envs.truth import (
     PLANT_OPTIONS,
     RATE_BANDWIDTH_HZ,
+    FrequencyChoice,
     PlantChoice,
+    ReferenceChoice,
+    ReferenceSource,
     TruthSource,
     choose_plant,
+    frequency_bounds,
+    reference_choices,
 )
 from rdpi_gym.envs.unit_box import UnitBox
 from rdpi_gym.plant import PlantModel

@@ -13,7 +13,7 @@ from benchmarks.tracking.episode import DIVERGED, UNSTABLE, WARNED, Caution
 from rdpi_gym import face
 from rdpi_gym.laboratory.views import number, numbers
 from rdpi_gym.plant import Plant, PlantModel
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError

@@ -38,7 +38,7 @@ from rdpi_gym.support.words import quoted, short
 
 SETTINGS = "dataset.toml"
 ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".mat", ".npz")
-"""Of files that may hold a record."""
+"""Endings of files that may hold a record."""
 MOST_FILES, MOST_BYTES = 64, 256 * 2**20
 REFUSED = "refused"
 _LONGEST = 120  # characters of a file's name

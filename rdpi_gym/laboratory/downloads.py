@@ -16,7 +16,7 @@ from rdpi_gym.diagnosis.notices import Notice
 from rdpi_gym.laboratory.data_import import SETTINGS, data_files
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.laboratory.views import numbers
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.documents import PLAIN
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted

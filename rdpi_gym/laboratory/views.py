@@ -17,7 +17,7 @@ from rdpi_gym.measurement import Quantities, Record
 from rdpi_gym.plant import RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.parameters import Parameter
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import digits, quoted
@@ -300,9 +300,10 @@ def _values(
 
 
 def _share(base_um: float | None, with_um: float | None, noise_um: float | None) -> float | None:
-    if base_um is None or with_um is None or noise_um is None:
+    """Return the share of the squared error above the noise that a candidate removes."""
+    if base_um is None or with_um is None:
         return None
-    excess = base_um**2 - noise_um**2
+    excess = base_um**2 - (noise_um or 0.0) ** 2
     return None if excess <= 0 else (base_um**2 - with_um**2) / excess
 
 

@@ -35,16 +35,17 @@ from rdpi_gym.report.style import (
     colour_steps,
     styled,
 )
-from rdpi_gym.report.thin import around_largest_error, thin_index
 from rdpi_gym.report.traces import (
     COMMAND,
     Overlay,
+    around_largest_error,
     displacement_panel,
     loops,
     one_model,
     over_time,
     residual_panel,
     rms_um,
+    thin_index,
 )
 
 RMS_UM = "RMS error ({output_unit})"

@@ -13,8 +13,7 @@ from rdpi_gym.report import comparison as charts
 from rdpi_gym.report.chart import Chart
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.tables import format_number
-from rdpi_gym.report.thin import DISPLAY_SAMPLES
-from rdpi_gym.report.traces import loops, one_model, peak_um, rms_um, worst_first
+from rdpi_gym.report.traces import DISPLAY_SAMPLES, loops, one_model, peak_um, rms_um, worst_first
 
 MOST_RECORDS = 40
 """Records whose traces stand on the page; of more, those with the largest errors."""

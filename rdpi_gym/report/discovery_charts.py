@@ -28,16 +28,18 @@ from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.comparison import MEAN_UM, RMS_UM
 from rdpi_gym.report.discovery_text import staircase
 from rdpi_gym.report.style import INK, MEASURED, MODEL, MUTED, PALETTE
-from rdpi_gym.report.thin import DISPLAY_SAMPLES, around_largest_error, thin_index
 from rdpi_gym.report.traces import (
     COMMAND,
     DISPLACEMENT_UM,
+    DISPLAY_SAMPLES,
     FLOOR,
     TIME,
     Overlay,
+    around_largest_error,
     loops,
     noise_band,
     over_time,
+    thin_index,
 )
 
 BEFORE, AFTER = PALETTE[1], MODEL

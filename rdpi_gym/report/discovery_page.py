@@ -19,8 +19,7 @@ from rdpi_gym.report import discovery_charts as charts
 from rdpi_gym.report.discovery_charts import ranking
 from rdpi_gym.report.discovery_text import lines, staircase
 from rdpi_gym.report.page import Section, write_page
-from rdpi_gym.report.thin import DISPLAY_SAMPLES
-from rdpi_gym.report.traces import peak_um, rms_um, worst_first
+from rdpi_gym.report.traces import DISPLAY_SAMPLES, peak_um, rms_um, worst_first
 from rdpi_gym.support.words import capital, closed, joined
 
 _CERTAINTY = "Confidence (%)"

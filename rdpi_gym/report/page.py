@@ -287,9 +287,9 @@ def _section_html(
     if isinstance(figure, Mapping):
         body.append(_choice_html(figure, section.title, numbers, drawn))
     elif isinstance(figure, Sequence):
-        body += [_figure_html(f"f{next(numbers)}", each, drawn) for each in figure]
+        body += [_figure_html(f"f{next(numbers)}", each, section.title, drawn) for each in figure]
     elif figure is not None:
-        body.append(_figure_html(f"f{next(numbers)}", figure, drawn))
+        body.append(_figure_html(f"f{next(numbers)}", figure, section.title, drawn))
     body.append(_prose(section.text))
     if section.table is not None:
         body.append(table_html(section.table))
@@ -305,21 +305,23 @@ def _choice_html(
     names = {f"f{next(numbers)}": name for name in figures}
     options = "".join(f'<option value="{f}">{escape(name)}</option>' for f, name in names.items())
     each = [
-        _figure_html(f, figures[name], drawn, hidden=i > 0)
+        _figure_html(f, figures[name], f"{title}, {name}", drawn, hidden=i > 0)
         for i, (f, name) in enumerate(names.items())
     ]
     label = f'<label class="choice">Show <select aria-label="{escape(title)}" autocomplete="off">'
     return f"{label}{options}</select></label>{''.join(each)}"
 
 
-def _figure_html(name: str, figure: Any, drawn: Callable[[str], str], hidden: bool = False) -> str:
+def _figure_html(
+    name: str, figure: Any, title: str, drawn: Callable[[str], str], hidden: bool = False
+) -> str:
     figure = plotly_figure(figure) if isinstance(figure, Chart) else figure
     # "<" cannot end the script element early when it is written as JSON's escape
     data = drawn(figure.to_json().replace("<", "\\u003c"))
     height = figure.layout.height or 420
     return (
         f'<script type="application/json" id="{name}-data">{data}</script>'
-        f'<div class="figure" id="{name}" data-figure="{name}-data" style="min-height:{height}px"'
+        f'<div class="figure" role="figure" aria-label="{escape(title)}" id="{name}" data-figure="{name}-data" style="min-height:{height}px"'
         f"{' hidden' if hidden else ''}></div>\n"
     )
 

@@ -16,8 +16,7 @@ from rdpi_gym.report.chart import Axis, Bars, Chart, Level, Mark, Panel, Series,
 from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.style import INK, MEASURED, MUTED, PALETTE
-from rdpi_gym.report.thin import thin_index
-from rdpi_gym.report.traces import DISPLACEMENT_UM, TIME
+from rdpi_gym.report.traces import DISPLACEMENT_UM, TIME, thin_index
 from rdpi_gym.support.arrays import Array
 
 _MOST_SAMPLES = 60_000

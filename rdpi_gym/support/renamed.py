@@ -16,19 +16,25 @@ from types import ModuleType
 # One line a module: its former name, and the name it has now.
 _TABLE = """
 baselines.adaptive_dual_loop baselines.damping
+baselines.adaptive_inverse baselines.adaptive_feedforward
 baselines.believed baselines.core_inverse
 baselines.h_infinity baselines.linear_designs
 baselines.horizon baselines.model_predictive
 baselines.inverses.catalogue baselines.inverses.base
 baselines.inverses.lags baselines.inverses.linear
+baselines.inverses.memory baselines.inverses.samplewise
+baselines.inverses.static baselines.inverses.samplewise
 baselines.inverses.turns baselines.inverses.base
+baselines.inverses.unknown baselines.inverses.samplewise
 baselines.iterative_learning baselines.repetitive
 baselines.lanes baselines.base
 baselines.learned.envelope baselines.monitors
 baselines.learned.guard baselines.learned.controller
+baselines.learned.imitation.student baselines.learned.imitation.policy
 baselines.learned.network baselines.learned.policy
 baselines.learned.seen baselines.monitors
 baselines.limits baselines.base
+baselines.linear_feedback baselines.linear_designs
 baselines.lqg baselines.linear_designs
 baselines.memory baselines.base
 baselines.pi_preview baselines.linear_designs
@@ -38,8 +44,14 @@ baselines.smith_predictor baselines.linear_designs
 baselines.stability baselines.feedforward
 baselines.static_gain baselines.feedforward
 rdpi_gym.envs.correction rdpi_gym.envs.controller
-rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.changing
+rdpi_gym.envs.references rdpi_gym.envs.truth
+rdpi_gym.envs.tasks.changing rdpi_gym.envs.tasks.task
+rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.task
+rdpi_gym.envs.tasks.one_effect rdpi_gym.envs.tasks.stages
 rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment
+rdpi_gym.envs.tasks.structure rdpi_gym.envs.tasks.stages
+rdpi_gym.envs.tasks.whole_stage rdpi_gym.envs.tasks.stages
+rdpi_gym.envs.vector.references rdpi_gym.envs.vector.task
 rdpi_gym.envs.vector.space rdpi_gym.envs.unit_box
 rdpi_gym.identification.result rdpi_gym.identification.fitting
 rdpi_gym.measurement.published rdpi_gym.measurement.loading
@@ -61,6 +73,7 @@ rdpi_gym.signals.processes rdpi_gym.signals.broadband
 rdpi_gym.signals.raster rdpi_gym.signals.periodic
 rdpi_gym.signals.registry rdpi_gym.signals
 rdpi_gym.signals.sweeps rdpi_gym.signals.broadband
+rdpi_gym.virtual_lab.truth rdpi_gym.virtual_lab.dataset
 """
 
 

@@ -4,9 +4,8 @@ What is hidden is simulated by :mod:`rdpi_gym.virtual_lab.independent`, never by
 fitted. :func:`hide` draws effects until each of them can be seen.
 """
 
-from rdpi_gym.virtual_lab.dataset import simulate_dataset, write_dataset
+from rdpi_gym.virtual_lab.dataset import Truth, simulate_dataset, write_dataset
 from rdpi_gym.virtual_lab.draws import HIDEABLE, MaskedError, draw_effect, hide, hide_one
-from rdpi_gym.virtual_lab.truth import Truth
 
 __all__ = [
     "HIDEABLE",

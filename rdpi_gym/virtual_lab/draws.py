@@ -16,9 +16,8 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter
 from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.virtual_lab.dataset import clock, plant_displacement
+from rdpi_gym.virtual_lab.dataset import Truth, clock, plant_displacement
 from rdpi_gym.virtual_lab.independent import twins
-from rdpi_gym.virtual_lab.truth import Truth
 
 # Thresholds that a refit may give weight to, besides the plant's own: finer where loops are small.
 _COMB, _SPREAD = 40, 1.5

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 import studies.agents
-from rdpi_gym.support.command_line import Options
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.progress import progress_bar

@@ -10,8 +10,7 @@ import pytest
 from scipy.optimize import minimize, nnls
 
 from baselines import make_controller, model_predictive
-from baselines.adaptive_feedforward import AdaptiveFeedforward
-from baselines.adaptive_inverse import AdaptiveInverse
+from baselines.adaptive_feedforward import AdaptiveFeedforward, AdaptiveInverse
 from baselines.hybrid import Hybrid
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.loops import LinearSystem

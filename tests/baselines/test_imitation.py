@@ -17,15 +17,19 @@ from baselines import make_controller
 from baselines.learned.controller import find_learned
 from baselines.learned.imitation import fitting, rounds
 from baselines.learned.imitation.fitting import Learner, Loop
-from baselines.learned.imitation.policy import StudentPolicy
+from baselines.learned.imitation.policy import (
+    ERRORS,
+    UNIT_UM,
+    WEIGHTED,
+    Student,
+    StudentPolicy,
+    fresh_arrays,
+)
 from baselines.learned.imitation.rounds import Options, train
-from baselines.learned.imitation.student import ERRORS, UNIT_UM, WEIGHTED, Student, fresh_arrays
 from baselines.learned.imitation.teacher import roll_out, student_lanes
 from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.cli import main
-from rdpi_gym.envs.tasks.one_effect import RESONANCE_TASK
-from rdpi_gym.envs.tasks.structure import structure_belief, structure_truth
-from rdpi_gym.envs.tasks.whole_stage import STAGE
+from rdpi_gym.envs.tasks.stages import RESONANCE_TASK, STAGE, structure_belief, structure_truth
 from rdpi_gym.support.errors import InputError
 
 TASK = replace(STAGE, samples=101, first=51, references=("sine",))

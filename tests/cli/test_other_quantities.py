@@ -23,6 +23,7 @@ TOML = f"""title = "{TITLE}"
 input = {{ name = "displacement", symbol = "x", unit = "mm" }}
 output = {{ name = "force", symbol = "F", unit = "kN" }}
 """
+SCRIPTS = r'<(script|style)( type="text/plain" id="plotly")?>.*?</\1>'
 FOREIGN = re.compile(r"µm|\bV\b|[vV]oltage|put(_\w+)?}")
 
 
@@ -52,7 +53,7 @@ def written(path):
     """What a reader of a file sees: without scripts and numbers in base 64, without the title."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".html":
-        text = html.unescape(re.sub(r"<(script|style)>.*?</\1>", "", text, flags=re.DOTALL))
+        text = html.unescape(re.sub(SCRIPTS, "", text, flags=re.DOTALL))
     text = re.sub(r'"bdata": ?"[^"]*"', "", text)
     return re.sub(r"\\u([0-9a-f]{4})", lambda found: chr(int(found[1], 16)), text)
 
@@ -132,6 +133,6 @@ def test_words_of_a_file_are_no_markup_on_its_page(damper, tmp_path):
     evil = Quantities(data.quantities.input, Quantity("<b>force</b>", "F", "<i>kN</i>"))
     page = rg.compare(replace(data, quantities=evil), "P5").page(tmp_path / "page.html")
     text = page.read_text(encoding="utf-8")
-    text = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+    text = re.sub(SCRIPTS, "", text, flags=re.DOTALL)
     assert "&lt;i&gt;kN" in text
     assert not re.search(r"(<|\\u003c)[bi](>|\\u003e)", text)

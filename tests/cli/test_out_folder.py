@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rdpi_gym.cli import main
-from rdpi_gym.support.command_line import check_folder
+from rdpi_gym.support.command import check_folder
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
@@ -56,6 +56,6 @@ def test_folder_that_the_system_keeps_is_refused(tmp_path, monkeypatch):
     def refuse(dir):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("rdpi_gym.support.command_line.TemporaryFile", refuse)
+    monkeypatch.setattr("rdpi_gym.support.command.TemporaryFile", refuse)
     with pytest.raises(InputError, match=r"new cannot be written \(Permission denied\)"):
         check_folder(tmp_path / "new")

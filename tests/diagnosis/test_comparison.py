@@ -4,12 +4,17 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rdpi_gym.diagnosis import compare
+from rdpi_gym.diagnosis.comparison import findings
+from rdpi_gym.diagnosis.comparison.compare import _shares
+from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification import fit
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, P10, Plant, named_plant, settled_memory
+from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
@@ -224,3 +229,40 @@ def test_nothing_that_counts_is_refused(sine_record, dataset):
         compare(dataset(nothing), P5)
     with pytest.raises(InputError, match="no sample counts"):
         compare(Dataset("empty", ()), P5)
+
+
+def test_ringing_after_steps_leads_as_a_peak_and_is_no_creep():
+    ts_s, n = 5e-4, 20_000
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-30.0, 30.0, n // 400), 400)
+    stage = replace(P10, effects=(CATALOGUE["resonance"](180.0, 0.01),))
+    y = Plant(stage, ts_s).simulate(u) + 0.01 * rng.standard_normal(n)
+    steps = Record("steps", ts_s * np.arange(n), u, y, ts_s=ts_s)
+    result = compare(Dataset("steps", (steps,)), P10)
+    assert result.leading[0] == "spectrum"
+    assert "between 140 and 220 Hz" in result.findings["spectrum"]
+    assert "since_rest" not in result.leading
+    assert not any("creeps too much" in text for text in result.findings.values())
+
+
+@over(
+    "last_percent, says",
+    [(4.8, "Relative to the stroke, the error grows"), (1.6, "changes little")],
+)
+def test_a_trend_follows_its_numbers(last_percent, says):
+    rows = {"frequency_hz": [1.0, 10.0], "amplitude_V": [5.0, 5.0], "samples": [500, 500],
+            "half_cycles": [8, 8], "rmse_um": [0.303, 0.362], "relative_percent": [1.5, last_percent]}  # fmt: skip
+    assert says in text_of(findings.trend(pd.DataFrame(rows), "frequency_hz"))
+
+
+def test_what_leads_carries_most_of_the_error_in_that_order(sine_record, dataset):
+    bent = replace(P5, effects=(CATALOGUE["asymmetry"](0.05, 40.0),))
+    result = compare(dataset(sine_record(bent, noise_um=0.002, periods=50.0)), P5)
+    assert 1 <= len(result.leading) <= 3
+    shares = _shares(result)
+    assert [shares[key] for key in result.leading] == sorted(
+        (shares[key] for key in result.leading), reverse=True
+    )
+    noise = compare(dataset(sine_record(P5, noise_um=0.05, periods=50.0)), P5)
+    assert "gain" not in noise.leading
+    assert "distortion" not in noise.leading

@@ -21,7 +21,7 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.signals import BandLimitedNoise, DecayingSine, Multisine, Sine
 from rdpi_gym.signals.experiments import polyline
-from rdpi_gym.virtual_lab.truth import Truth
+from rdpi_gym.virtual_lab.dataset import Truth
 from tests.looping import over
 
 NOISE_UM = 0.012

@@ -84,7 +84,7 @@ def maker(page: Path) -> str | None:
 
 
 def commands(page: Path) -> list[str]:
-    """What a reader would type: lines of bash blocks, and of consoles behind the ``$``."""
+    """Commands that a reader would type: lines of bash blocks, and of consoles behind the ``$``."""
     lines = []
     for block in blocks(page):
         if block.language == "bash":

@@ -10,9 +10,15 @@ from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.linear import lag_step
 from rdpi_gym.virtual_lab import HIDEABLE
 from studies import effect_pages as command
-from studies import effect_pictures as panels
-from studies.effect_pages import page_texts, stored_rows, tracked
-from studies.effect_pictures import PICTURES, bare_records, pair_of, panels_of
+from studies.effect_pages import (
+    PICTURES,
+    bare_records,
+    page_texts,
+    pair_of,
+    panels_of,
+    stored_rows,
+    tracked,
+)
 from tests.looping import over
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
@@ -83,18 +89,18 @@ def test_what_an_inverse_knows_it_takes_out():
 
 def test_delay_turns_the_phase_and_keeps_the_gain(without):
     study = pair_of("delay", without)
-    bare, turned = panels.phase(study, "").marks
+    bare, turned = command.phase(study, "").marks
     np.testing.assert_allclose(bare.y, 0.0, atol=1e-6)
     np.testing.assert_allclose(
         turned.y, -360.0 * turned.x * study.effect.values["delay_s"], atol=0.05
     )
-    same, gain = panels.gain(study, "").marks
+    same, gain = command.gain(study, "").marks
     np.testing.assert_allclose(gain.y, same.y, rtol=1e-4)
 
 
 def test_sensor_lag_lowers_the_gain(without):
     study = pair_of("sensor_lag", without)
-    bare, lower = panels.gain(study, "").marks
+    bare, lower = command.gain(study, "").marks
     ts_s, tau_s = study.having["multisine-small"].ts_s, study.effect.values["time_constant_s"]
     # a first-order lag behind a command that is linear between samples
     decay, before, after = lag_step(tau_s, ts_s)
@@ -105,7 +111,7 @@ def test_sensor_lag_lowers_the_gain(without):
 
 def test_gain_drift_shows_in_a_repeat(without):
     study = pair_of("gain_drift", without)
-    panel = panels.repeats(study, "", "triangle-slow", "triangle-slow-again")
+    panel = command.repeats(study, "", "triangle-slow", "triangle-slow-again")
     bare, drifted = panel.marks
     np.testing.assert_allclose(bare.y, 0.0, atol=1e-9)
     records = study.having

@@ -102,3 +102,15 @@ def test_every_name_leads_somewhere():
 )
 def test_what_leads_nowhere_is_noticed(text, names):
     assert dangling(text) == names
+
+
+def test_every_picture_of_a_page_has_alternative_text():
+    pictures = re.compile(r"!\[([^\]]*)\]\(")
+    found = [
+        p
+        for path in texts()
+        if path.suffix == ".md"
+        for p in pictures.findall(path.read_text("utf-8"))
+    ]
+    assert len(found) > 20
+    assert all(text.strip() for text in found)

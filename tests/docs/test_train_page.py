@@ -80,7 +80,7 @@ def curve(agent, seed):
 
 
 def commands(text, program="rdpi"):
-    """What a reader would type, of blocks in which commands are shown."""
+    """Commands that a reader would type, from blocks that show them."""
     lines = "\n".join(re.findall(r"^```(?:console|bash)\n(.*?)^```$", text, re.M | re.S))
     found = [line.removeprefix("$ ").partition(" #")[0] for line in lines.splitlines()]
     return [line for line in found if line.startswith(f"{program} ")]

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from rdpi_gym.envs.tasks import TASKS, named_task
-from rdpi_gym.envs.tasks.changing import ChangingPlant
+from rdpi_gym.envs.tasks.task import ChangingPlant
 from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.plant import Plant
 from rdpi_gym.support.errors import InputError

@@ -7,6 +7,9 @@ import pytest
 
 import rdpi_gym as rg
 from rdpi_gym.diagnosis.notices import RECORDS, Notice
+from rdpi_gym.diagnosis.search.separability import next_experiment
+from rdpi_gym.diagnosis.words import text_of
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
@@ -26,6 +29,20 @@ def test_it_starts_and_ends_where_a_stage_rests_and_stays_in_range(code):
     assert planned.u_V.min() >= 20.0
     assert planned.u_V.max() <= 100.0
     assert np.allclose(np.diff(planned.t_s), 1.0 / planned.rate_hz)
+
+
+def test_advice_for_a_slow_plant_is_as_slow_as_its_records():
+    t = np.arange(5000) * 2.0  # a sample every two seconds, twenty minutes a period
+    u = 10.0 * np.sin(2 * np.pi * t / 1200.0)
+    wire = rg.Dataset("wire", (Record("wire", t, u, 0.9 * u, ts_s=2.0),))
+    fast = rg.plan_experiment("sines at four rates", recorded(-10.0, 10.0), "P5")
+    slow = rg.plan_experiment("sines at four rates", wire, "P5")
+    assert slow.rate_hz == pytest.approx(1e-3 * fast.rate_hz)
+    assert slow.seconds == pytest.approx(1e3 * fast.seconds, rel=1e-3)
+    creep, lag = rg.effects["creep"](), rg.effects["actuator_lag"]()
+    advice = next_experiment(creep, lag, rg.plants["P5"].hysteresis, data_scale(wire.train))
+    assert "slowed 10000-fold" in text_of(advice)
+    assert "20000 samples a second" not in text_of(advice)
 
 
 def test_a_file_at_a_chosen_rate_holds_the_signal(tmp_path):

@@ -17,6 +17,31 @@ def test_the_hidden_effect_is_found(found):
     assert "creep" in repr(found).splitlines()[0]
 
 
+def test_one_validation_error_in_terminal_page_laboratory_and_file(found, tmp_path):
+    error_um = found.final.validation_rmse_um
+    stated = f"{error_um:.3g} µm"
+    assert f"to {stated}, noise" in found.summary_lines()[0]
+    assert found.brief()["validation"].iloc[-1] == stated
+    document = found.to_dict()
+    assert document["final"]["validation_rmse"] == error_um
+    assert document["steps"][-1]["validation_rmse"] == error_um
+    assert f"to {stated}, noise" in found.page(tmp_path / "page.html").read_text(encoding="utf-8")
+    compared = rg.compare(found.data, found.plant)
+    assert compared.rmse_um("validation") == pytest.approx(error_um, rel=1e-9)
+    assert compared.to_dict()["validation_rmse_um"] == compared.rmse_um("validation")
+    in_laboratory = rg.respond(found.plant, found.data).errors.validation_rmse_um
+    assert in_laboratory == pytest.approx(error_um, rel=1e-9)
+    shown = found.stated["creep"]
+    assert found.stated_rounds[0][0].errors == shown.errors == found.final
+
+
+def test_the_error_of_a_fit_is_that_of_its_comparison(data, model, comparison):
+    assert comparison.rmse_um("validation") == pytest.approx(model.validation_rmse_um, rel=1e-9)
+    assert comparison.rmse_um("train") == pytest.approx(model.train_rmse_um, rel=1e-9)
+    in_laboratory = rg.respond(model, data).errors
+    assert in_laboratory.validation_rmse_um == pytest.approx(model.validation_rmse_um, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_an_effect_is_taken_out_and_added_again(found):
     less = found.remove("creep")

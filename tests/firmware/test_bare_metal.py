@@ -15,7 +15,7 @@ AWAY = {64: 0.0, 32: 1e-5, 31: 1e-6}
 
 @pytest.fixture(scope="module")
 def costs(tmp_path_factory):
-    """What ten plays cost, by core and precision."""
+    """Cost of ten plays by core and precision."""
     folder = tmp_path_factory.mktemp("compensator")
     source = package_of(named_plant("P10"), 5e-5, "classical-reference-rate").source
     write_sources(source, folder)

@@ -16,7 +16,7 @@ from rdpi_gym.diagnosis.notices import Statement
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.plant import P5, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
-from rdpi_gym.virtual_lab.truth import Truth
+from rdpi_gym.virtual_lab.dataset import Truth
 
 T_S = 0.02 * np.arange(40)
 RECORD = Record("run", T_S, np.sin(3 * T_S), 8 * np.sin(3 * T_S - 0.1), ts_s=0.02)

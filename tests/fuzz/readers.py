@@ -36,7 +36,7 @@ from rdpi_gym.signals import SIGNALS, Measured, Signal, make_signal, signal_from
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import parse_json, read_json, read_utf8
 from rdpi_gym.support.store import RowStore, named_rows
-from rdpi_gym.virtual_lab.truth import Truth
+from rdpi_gym.virtual_lab.dataset import Truth
 from tests.fuzz import mutations
 from tests.fuzz.examples import example
 from tests.fuzz.structure import (

@@ -1,4 +1,4 @@
-"""What a belief buys: references of every kind, errors that fall with the belief, warnings."""
+"""Comparison of compensators: references of every kind, errors that fall with the belief, warnings."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is taken home: the same numbers, and one line where there is nothing yet."""
+"""Downloads: the same numbers, and one line where there is nothing yet."""
 
 import json
 import tomllib

@@ -1,4 +1,4 @@
-"""What each action does, the worker played by the test: it says when a refit is there."""
+"""Effects of each action, the worker played by the test: it says when a refit is there."""
 
 import asyncio
 import math

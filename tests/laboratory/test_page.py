@@ -88,6 +88,81 @@ def test_cards_sort_themselves_as_errors_arrive(begun):
     assert order(page) == ["lag", "hum", "creep"]
 
 
+def bar_share(page, effect):
+    """Return the filled share of a card's bar."""
+    return (
+        page.get_by_test_id(f"card-{effect}")
+        .locator(".meter")
+        .evaluate(
+            "bar => bar.firstChild.getBoundingClientRect().width / bar.getBoundingClientRect().width"
+        )
+    )
+
+
+def test_the_bar_of_a_card_is_the_removed_share_whatever_another_refit_leaves(begun):
+    lab, page = begun
+    bad = candidate("hum", "Hum", "It.", 1e4, share=-1e9)
+    lab.state["ranking"]["cards"].append(bad)
+    lab.push()
+    page.get_by_test_id("spare").click()
+    page.get_by_test_id("card-hum").wait_for()
+    page.wait_for_timeout(300)  # the bars' transition
+    assert bar_share(page, "creep") == pytest.approx(0.81, abs=0.01)
+    assert bar_share(page, "asymmetry") == pytest.approx(0.07, abs=0.01)
+    assert bar_share(page, "hum") == 0.0
+    text = page.get_by_test_id("card-creep").inner_text()
+    assert "removes 81 % of the squared error above noise" in text
+    page.get_by_test_id("spare").click()
+
+
+def test_candidates_that_remove_nothing_are_folded_when_the_ranking_has_ended(begun):
+    lab, page = begun
+    hum = candidate("hum", "Hum", "It.", 0.5, share=0.001, state="final")
+    lab.state["ranking"]["cards"].append(hum)
+    lab.push()
+    spare = page.get_by_test_id("spare")
+    spare.get_by_text("Show 2 effects that remove nothing").wait_for()
+    assert spare.get_attribute("aria-expanded") == "false"
+    for effect, seen in (("creep", True), ("hum", False), ("saturation", False)):
+        assert page.get_by_test_id(f"card-{effect}").is_visible() is seen
+    spare.click()
+    assert page.get_by_test_id("card-hum").is_visible()
+    spare.click()
+    lab.state["ranking"]["status"] = "running"
+    lab.push()
+    page.get_by_test_id("card-hum").wait_for()
+    assert not spare.is_visible()
+
+
+def test_only_the_button_of_a_card_adds_its_effect(begun):
+    lab, page = begun
+    card = page.get_by_test_id("card-creep")
+    for part in (card.locator("h3"), card.locator(".mechanism"), card.locator(".meter")):
+        part.click(force=True)
+    page.get_by_test_id("add-creep").click()
+    page.get_by_test_id("effect-creep").wait_for()
+    assert [path for method, path, _ in lab.seen if method == "POST"] == ["/api/add"]
+
+
+def test_the_staircase_names_its_unit_and_its_scale(begun):
+    _, page = begun
+    axis = page.locator("#staircase .axis").inner_text()
+    assert "rms error on records held out, µm, log scale" in axis
+
+
+def test_the_measurement_shows_through_the_model(begun):
+    _, page = begun
+    for plot in ("trace", "loop"):
+        until(page, f"document.getElementById('{plot}').data?.length >= 2")
+        names, widths, dashes = page.evaluate(
+            f"[['name'], ['line', 'width'], ['line', 'dash']].map((path) => "
+            f"document.getElementById('{plot}').data.map((of) => path.reduce((o, k) => o[k], of)))"
+        )
+        assert names[:2] == ["measured", "model"]
+        assert widths[0] > widths[1]
+        assert (dashes[0], dashes[1]) == ("solid", "4px,3px")
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_an_audit_finds_no_barrier(begun, scheme):
     audit = pytest.importorskip("axe_playwright_python.sync_playwright", reason="extra: test")
@@ -361,6 +436,21 @@ def test_a_refused_file_is_read_in_another_way(begun, scheme):
     chosen = {"t": "", "u": 2, "y": "Command [mV]"}
     assert change["records"]["bad"]["columns"] == change["records"]["worse"]["columns"] == chosen
     assert change["records"]["bad"]["ts_s"] == 5e-4
+
+
+def test_many_refused_files_fold_behind_one_line(begun):
+    lab, page = begun
+    about = {"bytes": 3, "problem": "column t: missing", "row": 1, "column": "t"}
+    lab.state["files"] += [about | {"name": f"{k}.csv"} for k in range(6)]
+    lab.push()
+    page.get_by_test_id("refused-others").get_by_text("4 more files could not be read").wait_for()
+    shown = [page.get_by_test_id(f"refused-{k}.csv").is_visible() for k in range(6)]
+    assert shown == [True, True, False, False, False, False]
+    page.get_by_test_id("refused-others").click()
+    lab.state["files"] = [f for f in lab.state["files"] if f["name"] != "0.csv"]
+    lab.push()
+    page.get_by_test_id("refused-others").get_by_text("3 more files").wait_for()
+    assert page.get_by_test_id("refused-5.csv").is_visible()  # unfolded as the reader left it
 
 
 def test_files_that_cannot_be_read_together_can_be_taken_out(begun):

@@ -1,4 +1,4 @@
-"""What a model leaves of a record from several sides, and a stretch that is brushed in one of them."""
+"""Residual of a record from several sides, and a stretch that is brushed in one of them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the page is told: no peak is lost, no number has more digits than a screen, cards in order."""
+"""Numbers for the page: no peak is lost, no number has more digits than a screen, cards in order."""
 
 from dataclasses import replace
 

@@ -90,6 +90,8 @@ def test_every_figure_has_its_data_and_every_link_its_section(written):
     assert len(links) == 5
     assert set(links) | set(options) <= identifiers
     assert sum("hidden" in box for box in boxes) == 1
+    names = [NASTY, "Two figures", "Two figures", f"A choice, {NASTY}", "A choice, other"]
+    assert [(box["role"], box["aria-label"]) for box in boxes] == [("figure", n) for n in names]
 
 
 def test_paragraphs_and_lists(tmp_path, written):

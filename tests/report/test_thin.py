@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rdpi_gym.report.thin import thin_index
+from rdpi_gym.report.traces import thin_index
 
 
 @given(

@@ -24,7 +24,7 @@ def test_the_table_is_written(tmp_path, capsys):
 
 def test_an_unknown_row_is_named(capsys):
     assert main(["--only", "nothing"]) == 2
-    assert "--only nothing is no row; known are none," in capsys.readouterr().err
+    assert "no program is named 'nothing'; known are none," in capsys.readouterr().err
 
 
 def test_the_pages_numbers_are_those_of_the_table():

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.adaptive_feedforward import HALF, SPLINE
-from baselines.learned.imitation.student import (
+from baselines.learned.imitation.policy import (
     CORRECTIONS,
     ERRORS,
     KNOWN,
@@ -195,7 +195,7 @@ BEFORE = 0.3
 STEEPEST = 1.0
 """Norm that gradients are clipped to."""
 FLOOR = 0.1
-"""Error (units of :data:`~baselines.learned.imitation.student.UNIT_UM`) below which none is sought."""
+"""Error (units of :data:`~baselines.learned.imitation.policy.UNIT_UM`) below which none is sought."""
 FIXED = ("middle", "spread")
 """Arrays that are measured once and not learned."""
 
@@ -205,7 +205,7 @@ class Learner:
     """A network that is being fitted, with its optimiser."""
 
     arrays: Mapping[str, Float32]
-    # As :class:`~baselines.learned.imitation.student.Student` has them; a copy is learned.
+    # As :class:`~baselines.learned.imitation.policy.Student` has them; a copy is learned.
     weighted: int  # as there
 
     def __post_init__(self) -> None:

@@ -1,30 +1,20 @@
-"""Student policy: description and arrays in a folder, and its controller."""
+"""Student: a recurrent network in NumPy, its inputs, its policy in a folder, and its controller."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Observation
+from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
+from baselines.base import Observation, lane_products, product
 from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.learned.imitation.student import (
-    ARRAYS,
-    MOST_UM,
-    PREVIEW,
-    SCALES,
-    WEIGHTED,
-    Float32,
-    OnDecision,
-    Student,
-    StudentFeedforward,
-    input_count,
-)
 from baselines.learned.policy import (
     DESCRIPTION,
     SavedPolicy,
@@ -42,6 +32,240 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_bytes, read_json, settled_folder
 from rdpi_gym.support.npz import open_npz
 from rdpi_gym.support.words import quoted
+
+Float32 = NDArray[np.float32]
+
+UNIT_UM = 0.05
+"""Unit (µm) of errors and corrections inside the network: what the adaptive controllers leave."""
+ERRORS, CORRECTIONS = 6, 4
+"""Newest errors, which are weighted, and own corrections, which are only seen."""
+MOST_UM = 1.0
+"""Bound of the correction (µm); it is approached smoothly."""
+ARRAYS = ("middle", "spread", "into", "bias", "past", "hidden", "hidden_bias", "head", "head_bias")
+"""Names of the network's arrays, in the order of a file."""
+SCALES = ("middle", "spread")
+"""Those that units hang on; the others are kept in half precision."""
+
+
+def shapes(inputs: int, hidden: int, weighted: int) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each array of a network."""
+    gates, past = 3 * hidden, ERRORS + CORRECTIONS
+    return {
+        "middle": (inputs,),
+        "spread": (inputs,),
+        "into": (gates, inputs),
+        "bias": (gates,),
+        "past": (gates, past),
+        "hidden": (gates, hidden),
+        "hidden_bias": (gates,),
+        "head": (weighted + 1 + ERRORS, hidden),
+        "head_bias": (weighted + 1 + ERRORS,),
+    }
+
+
+@dataclass(frozen=True)
+class Student:
+    """c(k) = a(h)·φ(k): a gated recurrent unit sets the weights a of what is seen, φ.
+
+    What is seen is scaled, and compressed by asinh before the unit, so that nanometres and jumps
+    both show. φ are the first of the inputs, 1 and the newest errors, not compressed: with h at rest
+    the student is a linear filter without poles, and what h makes of it is an adaptive one. Its own
+    newest corrections are seen by the unit alone, or a fit could make an oscillator of them.
+    """
+
+    arrays: Mapping[str, Float32]  # by the names of :data:`ARRAYS`, float32
+    weighted: int  # the first of the inputs, which are weighted too
+
+    def __post_init__(self) -> None:
+        found = self.arrays
+        if set(found) != set(ARRAYS) or found["hidden"].ndim != 2:
+            raise InputError(
+                f"a student has the arrays {', '.join(ARRAYS)}, not {', '.join(found)}"
+            )
+        wanted = shapes(len(found["middle"]), found["hidden"].shape[1], self.weighted)
+        for name, shape in wanted.items():
+            each = found[name]
+            if each.shape != shape or each.dtype != np.float32 or not np.isfinite(each).all():
+                raise InputError(
+                    f"array {name!r} of the student is no finite float32 of shape {shape}"
+                )
+
+    @classmethod
+    def blank(cls, inputs: int, hidden: int, weighted: int) -> Student:
+        """Return a student that corrects nothing."""
+        arrays = {
+            name: np.zeros(shape, dtype=np.float32)
+            for name, shape in shapes(inputs, hidden, weighted).items()
+        }
+        arrays["spread"] += 1.0
+        return cls(arrays, weighted)
+
+    def rounded_to_half(self) -> Student:
+        """Return the student as it is kept: its weights rounded to half precision."""
+        with np.errstate(over="ignore"):  # refused as not finite
+            rounded = {
+                name: each if name in SCALES else each.astype(np.float16).astype(np.float32)
+                for name, each in self.arrays.items()
+            }
+        return Student(rounded, self.weighted)
+
+    @property
+    def inputs(self) -> int:
+        """Numbers seen beside errors and corrections."""
+        return len(self.arrays["middle"])
+
+    @property
+    def width(self) -> int:
+        """Width of the recurrent layer."""
+        return int(self.arrays["hidden"].shape[1])
+
+    @property
+    def rows(self) -> int:
+        """Rows of its memory: h, errors and corrections, the newest of each first."""
+        return self.width + ERRORS + CORRECTIONS
+
+    def answer_um(
+        self, seen: NDArray[np.float64], error_um: NDArray[np.float64], memory: NDArray[np.floating]
+    ) -> NDArray[np.float64]:
+        """Return the correction (µm), ``(B,)``, and move the memory on."""
+        p, width = self.arrays, self.width
+        scaled = ((seen.astype(np.float32).T - p["middle"]) / p["spread"]).astype(np.float32)
+        h, errors, corrections = np.split(memory, [width, width + ERRORS])
+        errors[1:] = errors[:-1].copy()
+        errors[0] = error_um / UNIT_UM
+        past = memory[width:].T.astype(np.float32)
+        before = h.T.astype(np.float32)
+        given = np.arcsinh(scaled) @ p["into"].T + p["bias"] + np.arcsinh(past) @ p["past"].T
+        back = before @ p["hidden"].T + p["hidden_bias"]
+        gates = 1.0 / (1.0 + np.exp(-(given[:, : 2 * width] + back[:, : 2 * width])))
+        reset, keep = gates[:, :width], gates[:, width:]
+        fresh = np.tanh(given[:, 2 * width :] + reset * back[:, 2 * width :])
+        after = fresh + keep * (before - fresh)
+        weights = after @ p["head"].T + p["head_bias"]
+        ones = np.ones((len(scaled), 1), dtype=np.float32)
+        phi = np.concatenate([scaled[:, : self.weighted], ones, past[:, :ERRORS]], axis=1)
+        most = MOST_UM / UNIT_UM
+        correction = most * np.tanh((weights * phi).sum(axis=1) / most)
+        h[:] = after.T
+        corrections[1:] = corrections[:-1].copy()
+        corrections[0] = correction
+        return np.asarray(UNIT_UM * correction, dtype=np.float64)
+
+
+def fresh_arrays(
+    seed: int, middle: Float32, spread: Float32, hidden: int, weighted: int
+) -> dict[str, Float32]:
+    """Draw a network to begin with: its recurrent layer at random, its head zero."""
+    rng = np.random.default_rng(seed)
+    arrays = dict(Student.blank(len(middle), hidden, weighted).arrays)
+    arrays |= {"middle": middle, "spread": spread}
+    for name in ("into", "bias", "past", "hidden", "hidden_bias"):
+        fan_in = arrays[name].shape[1] if arrays[name].ndim == 2 else hidden
+        bound = 1.0 / math.sqrt(fan_in)
+        arrays[name] = rng.uniform(-bound, bound, arrays[name].shape).astype(np.float32)
+    return arrays
+
+
+PREVIEW = 8
+"""Samples of the reference ahead that a student sees."""
+COURSE = spline_weights(PREVIEW)
+"""Value and derivatives of the reference over what is seen of it."""
+WEIGHTED = len(COURSE) + len(PLAYS)
+"""Inputs that a student weights: the course of the reference, and the plays."""
+SINCE_S = (0.01, 0.1)
+"""Time constants (s) of what says how long an episode runs."""
+
+KNOWN = WEIGHTED + len(SLOW_S)
+"""First of the inputs that say what the estimate is; what it leaves and the base's own follow."""
+
+
+class DecisionSample(NamedTuple):
+    """One decision of a student, and what the estimate beside it was."""
+
+    seen: Array  # ``(inputs, B)``
+    error_um: Array
+    correction_um: Array  # measured error, and what the student answered (µm), ``(B,)``
+    wanted_um: Array  # w, all that the belief's inverse is given (µm), ``(B,)``
+    theta: Array
+    answered: Array  # the estimate, and the φ of the reference that it multiplies, ``(F, B)``
+    phi: Array
+    left_um: Array
+    # φ of what was measured, which it learned from last, ``(F, B)``, and z - θ·φ (µm), ``(B,)``.
+
+
+OnDecision = Callable[[DecisionSample], None]
+"""Called with every decision."""
+
+
+class StudentFeedforward(CorrectedAdaptive):
+    """The adaptive feedforward with a student beside it, whose correction the estimate knows of.
+
+    A student sees, in this order: value and derivatives of the reference over the preview; how far
+    each play is from the reference, and each slow low-pass; the estimate, as distance from its prior
+    in expected deviations; what the estimate leaves unexplained of the newest sample that it can
+    compare; the base's own correction; and for how long the episode runs.
+    """
+
+    def __init__(
+        self,
+        belief: PlantModel,
+        layout: ObservationLayout,
+        settings: Settings,
+        student: Student,
+        on_decision: OnDecision | None = None,
+    ) -> None:
+        super().__init__(belief, layout, settings)
+        self.student, self._on_decision = student, on_decision
+        self._inside = self.rows.total
+        since = np.array(SINCE_S)[:, None]
+        self.fades = np.exp(-layout.ts_s / since)
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest, the student's below that of the estimate."""
+        own = np.zeros((self.student.rows, len(reference_um)))
+        return np.concatenate([super().start(reference_um), own])
+
+    def corrected_command(
+        self, observation: Observation, correction_um: Array, state: Array
+    ) -> Array:
+        """Return u(k+1) (V), ``(B,)``; see :class:`baselines.linear_designs.CorrectedInverse`."""
+        inside = state[: self._inside]
+        measured = self.layout.measured_um(observation)
+        ahead = self.layout.reference_um(observation, slice(PREVIEW + 1))
+        own = self.wanted_um(observation, measured, ahead[:, 0], inside)
+        theta = self.fit.theta(self.rows.of(inside, "fit"))
+        phi, z = self.compared(inside)
+        left = z - lane_products(theta, phi)
+        window = self.layout.reference_um(observation)
+        smooth, *derivatives = product(SPLINE, window[:, self.window].T)
+        seen, error = self._seen(ahead, smooth, own, left, inside), ahead[:, 0] - measured
+        added = self.student.answer_um(seen, error, state[self._inside :])
+        wanted = own + correction_um + added
+        if self._on_decision is not None:
+            static = self.rows.of(inside, "seen").reshape(*self._rings, -1)[-1]
+            answered = np.vstack([*derivatives, static])
+            told = seen, error, added, wanted, theta.copy(), answered, phi, left
+            self._on_decision(DecisionSample(*told))
+        return self.driven(observation, wanted, inside)
+
+    def _seen(
+        self, ahead_um: Array, smooth_um: Array, own_um: Array, left_um: Array, state: Array
+    ) -> Array:
+        of, layout = self.rows.of, self.layout
+        course = product(COURSE, ((ahead_um - layout.centre_um) / layout.scale_um).T)
+        plays = (of(state, "plays") - smooth_um) / self.thresholds_um[:, None]
+        slow = (of(state, "slow") - smooth_um) / layout.scale_um
+        theta = self.fit.theta(of(state, "fit"))
+        known = (theta - self.fit.prior[:, None]) / self.fit.spread[:, None]
+        own = (own_um - smooth_um) / layout.scale_um
+        since = self.fades ** of(state, "count")
+        return np.vstack([course, plays, slow, known, left_um / UNIT_UM, own, since])
+
+
+def input_count(base: CorrectedAdaptive) -> int:
+    """Return how many numbers a student sees beside errors and its own corrections."""
+    return WEIGHTED + len(SLOW_S) + base.fit.size + 2 + len(SINCE_S)
+
 
 FORMAT, VERSION = "rdpi-student", 2
 WEIGHTS = "weights.npz"

@@ -20,8 +20,7 @@ import torch
 from baselines.damping import AdaptiveDualLoop
 from baselines.learned.checkpoint import CheckpointContent, load_checkpoint, save_checkpoint
 from baselines.learned.imitation.fitting import Learner
-from baselines.learned.imitation.policy import StudentPolicy
-from baselines.learned.imitation.student import UNIT_UM, WEIGHTED, fresh_arrays
+from baselines.learned.imitation.policy import UNIT_UM, WEIGHTED, StudentPolicy, fresh_arrays
 from baselines.learned.imitation.teacher import Rollout, Score, roll_out, student_lanes
 from baselines.learned.options import (
     CHECKPOINT,

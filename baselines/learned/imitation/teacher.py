@@ -11,8 +11,13 @@ from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
 from baselines.classical import pack_inverse
 from baselines.damping import AdaptiveDualLoop
 from baselines.feedforward import Feedforward
-from baselines.learned.imitation.policy import StudentController, StudentPolicy
-from baselines.learned.imitation.student import UNIT_UM, DecisionSample, Float32
+from baselines.learned.imitation.policy import (
+    UNIT_UM,
+    DecisionSample,
+    Float32,
+    StudentController,
+    StudentPolicy,
+)
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
 from baselines.loops import LinearSystem, linear_part
 from baselines.monitors import EnvelopeRecorder
@@ -112,7 +117,7 @@ class Estimate:
 
     theta: Float32
     answered: Float32
-    phi: Float32  # as :class:`~baselines.learned.imitation.student.DecisionSample`, ``(K, B, F)``
+    phi: Float32  # as :class:`~baselines.learned.imitation.policy.DecisionSample`, ``(K, B, F)``
     left_um: Float32  # ε, ``(K, B)``
     covariance: Float32  # P at every :data:`RENEWED` samples, ``(K / RENEWED, B, F, F)``
     spread: Float32  # expected deviations, ``(F,)``

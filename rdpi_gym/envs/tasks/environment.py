@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
-from rdpi_gym.envs.references import ReferenceChoice
-from rdpi_gym.envs.tasks.changing import ChangingPlant
-from rdpi_gym.envs.tasks.task import StageTask
+from rdpi_gym.envs.tasks.task import ChangingPlant, StageTask
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
-from rdpi_gym.envs.truth import TruthSource
+from rdpi_gym.envs.truth import ReferenceChoice, TruthSource
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.envs.wrappers.history import History, VectorHistoryObservation
 from rdpi_gym.plant import PlantModel

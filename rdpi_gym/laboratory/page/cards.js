@@ -2,7 +2,7 @@
 
 import {act} from "./api.js";
 import {byId, h, still} from "./dom.js";
-import {number, percent, withUnit} from "./format.js";
+import {count, number, percent, withUnit} from "./format.js";
 import {signature} from "./signature.js";
 import {setUi, store, units, watch} from "./state.js";
 
@@ -22,6 +22,7 @@ const nodes = new Map(); // effect: {node, seen, effect, known}
 let pointed = -Infinity; // when the pointer last moved over the cards
 let later = null;
 let hovering = null;
+let folded = true; // candidates that remove nothing
 
 export function beginCards() {
   const list = byId("cards");
@@ -35,6 +36,10 @@ export function beginCards() {
     if (focused(event)?.known) preview(focused(event).effect);
   });
   list.addEventListener("focusout", () => preview(null));
+  byId("spare").addEventListener("click", () => {
+    folded = !folded;
+    drawCards();
+  });
   watch((server) => [server.ranking, server.current, server.quantities, server.noise_um], drawCards);
   watch((server, ui) => ui.preview, (effect) => {
     for (const [name, {node}] of nodes) node.classList.toggle("previewed", name === effect);
@@ -78,20 +83,23 @@ function drawCards() {
     node.remove();
     nodes.delete(effect);
   }
-  const largest = Math.max(...cards.map((card) => card.validation_um ?? 0), present());
+  const spare = cards.filter(isSpare).length;
+  byId("spare").hidden = !spare;
+  byId("spare").textContent = `${folded ? "Show" : "Hide"} ${count(spare, "effect")} that ${spare === 1 ? "removes" : "remove"} nothing`;
+  byId("spare").setAttribute("aria-expanded", String(!folded));
+  byId("cards").classList.toggle("folded", folded);
   for (const card of cards) {
-    const seen = JSON.stringify([card, largest, store.server.current, units()]);
+    const seen = JSON.stringify([card, store.server.current, units(), isSpare(card)]);
     const known = nodes.get(card.effect) ?? {node: h("li", {"data-testid": `card-${card.effect}`})};
-    if (known.seen !== seen) fillCard(known.node, card, largest);
+    if (known.seen !== seen) fillCard(known.node, card);
     nodes.set(card.effect, {node: known.node, seen, effect: card.effect, known: Number.isFinite(card.validation_um)});
   }
   order(cards.map((card) => nodes.get(card.effect).node));
 }
 
-const present = () => {
-  const {steps, current} = store.server;
-  return steps[current]?.errors.validation_um ?? steps[current]?.errors.train_um ?? 0;
-};
+/** Whether the ranking has ended with a candidate that removes nothing: such cards are folded away. */
+const isSpare = ({added, recommended, state, share}) => store.server.ranking?.status === "done" && !added && !recommended &&
+  (state === "failed" || (Number.isFinite(share) && share <= LEAST));
 
 /** Put cards in order: each glides to its place, and the one with the focus is not taken out. */
 function order(wanted) {
@@ -123,7 +131,7 @@ function order(wanted) {
   }
 }
 
-function fillCard(node, card, largest) {
+function fillCard(node, card) {
   const {y} = units();
   const ready = !card.added && card.state !== "failed";
   const known = card.validation_um !== null && card.validation_um !== undefined;
@@ -132,7 +140,7 @@ function fillCard(node, card, largest) {
   if (card.rivals?.length > NAMED) remarks.push(`Not told apart on these records from ${card.rivals.map(titled).join(", ")}.`);
   const has = remarks.length || card.parameters?.length;
   const focused = node.contains(document.activeElement) ? document.activeElement.dataset.testid : null;
-  node.className = `card ${card.added ? "added" : card.state}${card.recommended ? " recommended" : ""}`;
+  node.className = `card ${card.added ? "added" : card.state}${card.recommended ? " recommended" : ""}${isSpare(card) ? " spare" : ""}`;
   node.replaceChildren(
     signature(card.picture),
     h("h3", {}, card.title),
@@ -142,7 +150,6 @@ function fillCard(node, card, largest) {
       has ? h("button", {
         type: "button", class: "quiet", "data-testid": `more-${card.effect}`, "aria-expanded": String(Boolean(open)),
         "aria-label": `More about ${card.title}: parameters and remarks`, onclick: (event) => {
-          event.stopPropagation();
           const more = node.querySelector(".more");
           more.hidden = !more.hidden;
           event.currentTarget.setAttribute("aria-expanded", String(!more.hidden));
@@ -151,20 +158,16 @@ function fillCard(node, card, largest) {
       ready ? h("button", {
         type: "button", class: "add", "data-testid": `add-${card.effect}`,
         "aria-label": `Add ${card.title}${known ? `, error with it ${withUnit(card.validation_um, y)}` : ""}`,
-        onclick: (event) => {
-          event.stopPropagation();
-          add(card.effect);
-        },
+        onclick: () => add(card.effect),
       }, "Add") : ""),
     advice(card) ? h("p", {class: "advice"}, advice(card)) : "",
     h("p", {class: "mechanism"}, card.mechanism),
-    h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: known && largest ? `${Math.min(100, (100 * card.validation_um) / largest)}%` : "0"}})),
-    has ? h("div", {class: "more", hidden: !open, onclick: (event) => event.stopPropagation()},
+    h("div", {class: "meter", "aria-hidden": "true"}, h("span", {style: {width: `${100 * Math.min(1, Math.max(0, card.share ?? 0))}%`}})),
+    has ? h("div", {class: "more", hidden: !open},
       card.parameters?.length ? h("dl", {}, card.parameters.map((each) =>
         [h("dt", {}, each.symbol ?? each.name, h("span", {class: "hidden"}, ` ${each.name}`)), h("dd", {}, each.value_text)])) : "",
       remarks.map((text) => h("p", {}, text))) : "");
   if (focused) node.querySelector(`[data-testid="${CSS.escape(focused)}"]`)?.focus({preventScroll: true});
-  node.onclick = ready ? () => add(card.effect) : null;
   node.onpointerenter = known ? () => preview(card.effect) : null;
   node.onpointerleave = () => preview(null);
 }
@@ -181,7 +184,7 @@ function sureness({probability, confidence, share, recommended, added, state}) {
   return h("span", {class: "probability", title: says}, percent(sure));
 }
 
-/** What it takes, whether the ranking advises it, and what these records cannot tell it from. */
+/** What it removes, whether the ranking advises it, and what these records cannot tell it from. */
 function advice({share, rivals, recommended}) {
   const parts = recommended ? ["advised"] : [];
   if (share !== null && share !== undefined) parts.push(share > LEAST ? `removes ${percent(share)} of the squared error above noise` : "removes nothing");

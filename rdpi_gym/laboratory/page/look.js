@@ -108,6 +108,9 @@ export function logAxis(values) {
   return {type: "log", dtick: decades > 1.2 ? Math.max(1, Math.ceil(decades / 5)) : "D2", tickformat: "~g"};
 }
 
+/** Look of a model over what was measured, which shows through its gaps. */
+export const OVER = {width: 1.4, dash: "4px,3px"};
+
 /** A line of a plot, its hover text with the unit. */
 export function line(name, x, y, {colour: of, width = 1.4, dash = "solid", unit = units().y, digits = 4, ...more} = {}) {
   return {

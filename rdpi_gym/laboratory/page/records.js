@@ -3,7 +3,7 @@
 import {act, remove} from "./api.js";
 import {chooser} from "./chooser.js";
 import {byId, h, icon, replace} from "./dom.js";
-import {number, time, typed, whole, withUnit} from "./format.js";
+import {count, number, time, typed, whole, withUnit} from "./format.js";
 import {sketch} from "./signature.js";
 import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
 
@@ -59,13 +59,15 @@ const rate = (ts_s) => (ts_s < 1e-3 ? withUnit(1e-3 / ts_s, "kHz") : withUnit(1 
 const set = (name, change) => act("/api/settings", {records: {[name]: change}});
 
 const choosers = new Map(); // of refused files, as the reader has set them
+const UNFOLDED = 2; // refused files that stand open; the others are behind a line
+let othersOpen = false;
 
 /** Files that were refused; where nothing can be read together, all of them. */
 function drawFiles([files, mixed, data]) {
   const refused = files.filter((file) => file.problem || (mixed && !data));
   const names = refused.map(({name}) => name);
   for (const name of choosers.keys()) if (!names.includes(name)) choosers.delete(name);
-  replace(byId("refused"), refused.map(({name, bytes, problem, row, column}) => {
+  const rows = refused.map(({name, bytes, problem, row, column}) => {
     if (!choosers.has(name)) {
       const line = h("p", {role: "status"});
       choosers.set(name, {line, box: bytes ? chooser(name, line, "Columns, units and separator", !data && !choosers.size) : ""});
@@ -78,7 +80,11 @@ function drawFiles([files, mixed, data]) {
       h("button", {type: "button", class: "quiet", "data-testid": `discard-${name}`, "aria-label": `Discard ${name}`,
         onclick: () => discard(name)}, "Discard"),
       line, box);
-  }));
+  });
+  const others = rows.splice(rows.length > UNFOLDED + 1 ? UNFOLDED : rows.length);
+  replace(byId("refused"), rows, others.length
+    ? h("li", {class: "others"}, h("details", {open: othersOpen, ontoggle: (event) => { othersOpen = event.currentTarget.open; }},
+      h("summary", {"data-testid": "refused-others"}, `${count(others.length, "more file")} could not be read`), h("ul", {class: "refused"}, others))) : "");
   byId("refused").hidden = !refused.length;
 }
 

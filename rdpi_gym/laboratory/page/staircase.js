@@ -52,7 +52,7 @@ function drawStaircase() {
   }));
   const box = byId("staircase");
   replace(box, shown.length ? [
-    h("span", {class: "axis"}, `rms error on records held out, ${y}`, noise
+    h("span", {class: "axis"}, `rms error on records held out, ${y}, log scale`, noise
       ? h("span", {class: "legend band"}, `noise floor ${number(noise)}`) : ""),
     h("div", {class: "scroller"}, list),
   ] : []);

@@ -3,7 +3,7 @@
 import {act, get, latest} from "./api.js";
 import {byId, h, replace} from "./dom.js";
 import {number, typed, withUnit} from "./format.js";
-import {colour, draw, faint, line, noiseBand, nothing} from "./look.js";
+import {OVER, colour, draw, faint, line, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
 import {presentStep, recordNamed, setUi, store, symbols, units, watch} from "./state.js";
 
@@ -105,7 +105,7 @@ const timeAxis = () => ({range: shownSpan(), autorange: false, hoverformat: ".6~
 
 function drawTrace() {
   const data = [line("measured", shown.t_s, shown.y_um, {colour: colour("measured"), width: 2, ...pointed()})];
-  if (shown.model_um) data.push(line("model", shown.t_s, shown.model_um, {colour: colour("model"), width: 1.1}));
+  if (shown.model_um) data.push(line("model", shown.t_s, shown.model_um, {colour: colour("model"), ...OVER}));
   draw(byId("trace"), data, {x: {...timeAxis(), showticklabels: false}, shapes: spanShapes(), hover: "x unified", margin: {b: 6}});
 }
 

@@ -3,7 +3,7 @@
 import {get, latest} from "./api.js";
 import {byId} from "./dom.js";
 import {withUnit} from "./format.js";
-import {colour, draw, faint, line, logAxis, noiseBand, nothing} from "./look.js";
+import {OVER, colour, draw, faint, line, logAxis, noiseBand, nothing} from "./look.js";
 import {draggable} from "./span.js";
 import {presentStep, recordNamed, setUi, store, units, watch} from "./state.js";
 import {markSpans, onTrace} from "./traces.js";
@@ -89,8 +89,8 @@ function drawAll() {
 function drawLoop(loop) {
   const {u, y} = units();
   const hover = (name) => ({hovertemplate: `%{x:.4~g} ${u}, %{y:.4~g} ${y}<extra>${name}</extra>`});
-  const data = [line("measured", loop.u, loop.y_um, {colour: colour("measured"), width: 1, ...hover("measured")})];
-  if (loop.model_um) data.push(line("model", loop.u, loop.model_um, {colour: colour("model"), width: 1, ...hover("model")}));
+  const data = [line("measured", loop.u, loop.y_um, {colour: colour("measured"), width: 2, ...hover("measured")})];
+  if (loop.model_um) data.push(line("model", loop.u, loop.model_um, {colour: colour("model"), ...OVER, ...hover("model")}));
   if (brushed?.loop?.u?.length) {
     data.push(line("stretch", brushed.loop.u, brushed.loop.y_um, {colour: colour("brush"), width: 2.4, ...hover("stretch")}));
   }

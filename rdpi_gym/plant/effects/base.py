@@ -77,7 +77,7 @@ class Look:
     Parameters
     ----------
     kind
-        What is drawn, for example ``loops``: a function of ``studies.effect_pictures``.
+        What is drawn, for example ``loops``: a function of ``studies.effect_pages``.
     title
         Above it.
     arguments

@@ -1,21 +1,159 @@
-"""Stage and what befalls it: Load, Ageing, Rough, Raster, Steps."""
+"""The registered tasks: one effect, the whole stage and what befalls it, hysteresis of another kind than believed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 
-from rdpi_gym.envs.tasks.changing import BLOCK, NoiseLaw
 from rdpi_gym.envs.tasks.environment import environment_of, environments_of
-from rdpi_gym.envs.tasks.one_effect import CREEP, LAG, MODE, NOISE_UM, stage
-from rdpi_gym.envs.tasks.task import FIRST, StageTask
-from rdpi_gym.plant import PlantModel, Sensor
+from rdpi_gym.envs.tasks.task import BLOCK, FIRST, NoiseLaw, StageTask
+from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ, limit_band
+from rdpi_gym.plant import P10, PlantModel, Sensor, named_plant
+from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
 from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.effects.creep import Creep
 from rdpi_gym.plant.effects.delay import Delay
 from rdpi_gym.plant.effects.resonance import Resonance
 from rdpi_gym.plant.effects.thermal_drift import ThermalDrift
+
+LAG, CREEP = ActuatorLag(time_constant_s=2e-4), Creep(gain_per_decade=0.015)
+MODE = Resonance(f0_hz=739.0, damping=0.03)
+"""The mode of the stage that the effect's file cites."""
+NOISE_UM = 0.01
+"""Standard deviation (µm) of the sensor's white noise."""
+
+
+def stage(name: str, *effects: Effect, base: PlantModel = P10) -> PlantModel:
+    """Return a plant of the tasks: its rate low-passed at 800 Hz, its sensor noisy."""
+    sensor = Sensor(noise_um=NOISE_UM)
+    return replace(limit_band(base), name=name, effects=effects, sensor=sensor)
+
+
+BARE = StageTask(
+    "Bare",
+    "A stage with nothing but rate-dependent hysteresis",
+    "What the paper controls: eleven gains and ten plays whose thresholds grow with the rate, and a "
+    "sensor with noise. A good inverse of the hysteresis is all that is needed, and a ranking here "
+    "says nothing about a stage that rings.",
+    (stage("P10"),),
+    hidden="the memory of the plays",
+    rank=10,
+)
+CREEP_TASK = StageTask(
+    "Creep",
+    "Hysteresis and creep",
+    "A displacement that goes on after the command has stopped, 1.5 % a decade of time: slow "
+    "feedback removes it, an inverse of the hysteresis alone does not.",
+    (stage("P10 with creep", CREEP),),
+    hidden="the memory of the plays and of the creep",
+    rank=20,
+)
+LAG_TASK = StageTask(
+    "Lag",
+    "Hysteresis behind an amplifier that lags",
+    "A first-order lag of 0.2 ms: two samples, so that who uses the preview to lead by it wins, and "
+    "who raises a gain instead becomes unstable.",
+    (stage("P10 with lag", LAG),),
+    hidden="the memory of the plays and the lag's state",
+    history=32,
+    rank=30,
+)
+RESONANCE_TASK = StageTask(
+    "Resonance",
+    "Hysteresis under a lightly damped mode",
+    "A mode about 739 Hz, anywhere from 443 to 1035 Hz, damped by 3 %: integral feedback tuned "
+    "without it diverges, and corners of a reference make it ring for 7 ms.",
+    (stage("P10 with resonance", MODE),),
+    hidden="the memory of the plays, and the mode's frequency and velocity",
+    history=32,
+    rank=40,
+)
+
+PiezoBareEnv, bare_vector = environments_of(BARE, __name__)
+PiezoCreepEnv, creep_vector = environments_of(CREEP_TASK, __name__)
+PiezoLagEnv, lag_vector = environments_of(LAG_TASK, __name__)
+PiezoResonanceEnv, resonance_vector = environments_of(RESONANCE_TASK, __name__)
+
+
+KINDS = ("preisach", "bouc_wen", "duhem")
+"""Cores of the measured PICMA stack that have a task of their own."""
+
+_MEASURED = ("rdpi", "generalised_pi", "preisach", "bouc_wen", "asymmetric_bouc_wen", "duhem")
+_LAG_CREEP_MODE = (LAG, CREEP, MODE)
+
+
+def structure_truth(kind: str) -> PlantModel:
+    """Return the nominal stage of a kind of hysteresis: the PICMA stack's core, with a stage's effects."""
+    base = named_plant(f"picma-{kind}")
+    return stage(f"PICMA {kind} stage", *_LAG_CREEP_MODE, base=base)
+
+
+def structure_belief(kind: str) -> PlantModel:
+    """Return the RDPI model that was fitted to records of that stage's core, with the same effects."""
+    path = Path(str(files("rdpi_gym.envs.tasks") / "beliefs")) / f"{kind}.json"
+    truth = structure_truth(kind)
+    fitted = PlantModel.load(path)
+    core = fitted.hysteresis.band_limited(RATE_BANDWIDTH_HZ)
+    return replace(truth, hysteresis=core, offset_um=fitted.offset_um, name=fitted.name)
+
+
+def _measured(kind: str) -> PlantModel:
+    plant = named_plant(f"picma-{kind}")
+    return replace(plant, sensor=Sensor(noise_um=NOISE_UM), identification={})
+
+
+def _structure(kind: str, name: str, people: str, rank: int) -> StageTask:
+    return StageTask(
+        name,
+        f"A stage whose hysteresis is {people}'s",
+        f"The hysteresis is the {people} model that was fitted to the measured PICMA stack, behind "
+        "an amplifier's lag, with creep and a lightly damped mode. What is believed is the RDPI model "
+        "fitted to records of it: no value of its parameters makes it the truth.",
+        (structure_truth(kind),),
+        beliefs=(structure_belief(kind),),
+        hidden="the memory of the hysteresis, and the states of lag, creep and mode",
+        history=32,
+        rank=rank,
+    )
+
+
+MEASURED = StageTask(
+    "Measured",
+    "A measured stack, as six kinds of hysteresis describe it",
+    "A PICMA stack that was measured at 1 Hz. Each plant is one of six models that were fitted to "
+    "that record, with the creep and the sensor's lag of 15 ms that went with it; what is believed is "
+    "the RDPI model of the same record. Slow: it is sampled at 1 kHz and moves at 0.5 to 5 Hz, as "
+    "nothing is known of it beyond.",
+    tuple(_measured(kind) for kind in _MEASURED),
+    beliefs=(_measured("rdpi"),) * len(_MEASURED),
+    hidden="the kind and the memory of the hysteresis, and the states of creep and lag",
+    references=(
+        "sine",
+        "sine",
+        {"signal": "triangle", "frequency_hz": 1.0},
+        {"signal": "multisine", "frequency_hz": 0.5, "lines": 10},
+        {"signal": "raster", "frequency_hz": 1.0},
+        {"signal": "nested-loops", "frequency_hz": 2.0},
+    ),
+    frequency_hz=(0.5, 5.0),
+    amplitude_share=0.6,
+    ts_s=1e-3,
+    smooth_start_s=0.5,
+    rank=110,
+)
+PREISACH = _structure("preisach", "Preisach", "Preisach", 120)
+BOUC_WEN = _structure("bouc_wen", "BoucWen", "Bouc-Wen", 130)
+DUHEM = _structure("duhem", "Duhem", "Duhem", 140)
+
+PiezoMeasuredEnv = environment_of(MEASURED, __name__)
+PiezoPreisachEnv = environment_of(PREISACH, __name__)
+PiezoBoucWenEnv = environment_of(BOUC_WEN, __name__)
+PiezoDuhemEnv = environment_of(DUHEM, __name__)
+
 
 HISTORY = 32
 """Samples: 3.2 ms, two periods of the nominal mode."""
@@ -25,7 +163,7 @@ LOWEST_HZ = 300.0
 """Lowest frequency (Hz) of a loaded mode."""
 
 _DELAY, _DRIFT = Delay(delay_s=1e-4), ThermalDrift(rate_um_s=0.1, time_constant_s=50.0)
-_EFFECTS = (LAG, CREEP, MODE, _DRIFT, _DELAY)
+_EFFECTS = (*_LAG_CREEP_MODE, _DRIFT, _DELAY)
 _HIDDEN = "the memory of the plays, the states of lag, creep, mode and delay, and the drift"
 _QUANTISED = replace(
     stage("P10 stage", *_EFFECTS), sensor=Sensor(noise_um=NOISE_UM, resolution_um=0.01)
@@ -36,7 +174,7 @@ def load(model: PlantModel, rng: np.random.Generator) -> Mapping[int, PlantModel
     """Set a load down: the mode falls to 0.5 to 0.8 of its frequency, never below 300 Hz.
 
     It begins within the first tenth of a second that is scored, and takes :data:`GLIDE_S`; its
-    frequency goes evenly in its logarithm, step by step of :data:`~rdpi_gym.envs.tasks.changing.BLOCK`
+    frequency goes evenly in its logarithm, step by step of :data:`~rdpi_gym.envs.tasks.task.BLOCK`
     samples.
     """
     (mode,) = (effect for effect in model.effects if isinstance(effect, Resonance))
