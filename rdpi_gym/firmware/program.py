@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from rdpi_gym.support.arrays import Array
 
 
-class Part(NamedTuple):
+@dataclass(frozen=True)
+class Part:
     """Neighbours in a table or a memory that have a name of their own."""
 
     name: str
