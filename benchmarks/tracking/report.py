@@ -247,7 +247,10 @@ def write_benchmark_page(
         ),
         *(
             _folded(
-                f"Ranking at Ts = {ts:g} s", WHERE_TRAINED, None, _ranking_table(part, least_um)
+                f"Ranking at Ts = {ts:g} s",
+                f"{WHERE_TRAINED} The first {charts.FIRST}; ranking.csv has all.",
+                None,
+                _ranking_table(part.head(1 + charts.FIRST), least_um),
             )
             for ts, part in results.where_trained.items()
         ),
