@@ -173,7 +173,7 @@ class ObservationLayout:
         return document
 
     @property
-    def quoted(self) -> list[Field]:
+    def shown(self) -> list[Field]:
         """The fields, in the order of the observation."""
         known = dict(zip(NAMES, FIELDS, strict=True))
         return [known[name] for name in self.fields]
