@@ -2,7 +2,7 @@
 
 ``import rdpi_gym as rg``, then::
 
-    data = rg.load("measurement.csv")      # prints itself: records, samples, rates, roles
+    data = rg.example("picma")             # or rg.load("run.csv"); prints itself: records, rates, roles
     model = rg.fit(data)                   # model.plant is the identified plant
     rg.compare(data, model).plot()         # .page("out.html"), .to_dataframe(), .save("out.npz")
     found = rg.discover(data)              # which effects are missing; found.plant has them

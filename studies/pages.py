@@ -8,7 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -30,11 +30,10 @@ _RECORD = re.compile(r"  \S.* \(\w+\): \d+ samples")
 
 
 class Session:
-    """A folder in which commands run one after the other, with paths for each ``$NAME`` in them."""
+    """A folder in which commands run one after the other."""
 
-    def __init__(self, folder: Path, variables: Mapping[str, Path]) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._variables = variables
         self._listed: list[list[str]] = []
 
     def run(self, command: str) -> list[str]:
@@ -46,8 +45,6 @@ class Session:
         program, *words = shlex.split(command)
         if program not in _PROGRAMS:
             raise InputError(f"{command!r}: a page runs {', '.join(_PROGRAMS)} and nothing else")
-        for name, path in self._variables.items():
-            words = [word.replace(f"${name}", str(path)) for word in words]
         # a page in text has a width of its own; what the user's terminal is set to does not matter
         environment = {**os.environ, "COLUMNS": "110", "NO_COLOR": "1", "PYTHONPATH": _checkout()}
         done = subprocess.run(
@@ -57,7 +54,7 @@ class Session:
         if done.returncode != 0:
             said = done.stderr.strip().splitlines()[-1:] or [f"status {done.returncode}"]
             raise InputError(f"{command}: {said[0]}")
-        lines = [self._with_names(line) for line in done.stdout.rstrip().splitlines()]
+        lines = [line.rstrip() for line in done.stdout.rstrip().splitlines()]
         # of several empty lines one is enough
         lines = [line for k, line in enumerate(lines) if line or (k and lines[k - 1])]
         place = _list_of_records(lines)
@@ -66,11 +63,6 @@ class Session:
             return [*lines[: place.start], ELISION, *lines[place.stop :]]
         self._listed.append(listed)
         return lines
-
-    def _with_names(self, line: str) -> str:
-        for name, path in self._variables.items():
-            line = line.replace(str(path), f"${name}")
-        return line.rstrip()
 
 
 def _checkout() -> str:

@@ -14,7 +14,6 @@ from argparse import Namespace
 from functools import partial
 from pathlib import Path
 
-from rdpi_gym.measurement import example_folder
 from rdpi_gym.support.command import Options
 from studies.chromium import chromium, figure_png
 from studies.pages import TEMPLATES, Session, fill
@@ -34,7 +33,7 @@ def _files(options: Namespace) -> Files:
 def make_page(name: str) -> dict[str, str | bytes]:
     """Return a page and its pictures by their paths."""
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        session = Session(Path(folder), {"PICMA": example_folder("picma")})
+        session = Session(Path(folder))
         template = TEMPLATES[name].read_text(encoding="utf-8")
         page, pictures = fill(template, session, partial(figure_png, browser))
     return {**pictures, f"{name}.md": page}

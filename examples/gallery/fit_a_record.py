@@ -5,14 +5,13 @@ Fit a record
 How well does the rate-dependent Prandtl-Ishlinskii (RDPI) model describe a stage, and where does it
 fail? Three calls: load, fit, compare.
 
-The records here are simulated, so that the notebook runs anywhere: sixteen experiments on a known
-plant with ten play operators and 12 nm of noise. With records of your own, the first line is
-``data = rg.load("measurement.csv")``.
+The records are measured ones that ship: a PICMA stack in a flexure, 1 Hz sines to fit and nested
+loops to validate on. With records of your own, the first line is ``data = rg.load("run.csv")``.
 """
 
 import rdpi_gym as rg
 
-data = rg.simulate("P10", seed=1, ts_factor=4.0)
+data = rg.example("picma")
 data
 
 # %%
@@ -33,8 +32,7 @@ model.to_dataframe().head(6)
 # %%
 # Compare
 # -------
-# The error is that of the noise (0.012 µm): nothing is missing here. A stage with creep or a
-# resonance would leave more, and the lines below would say where.
+# The error is more than the noise: the model misses something, and the lines below say where.
 
 comparison = rg.compare(data, model)
 print(comparison)

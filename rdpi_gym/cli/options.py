@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hints
 
 import typer
 
+from rdpi_gym.face.options import EXAMPLES, example_folder
 from rdpi_gym.support.command import check_folder, check_jobs
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option, entries, option_fields
+from rdpi_gym.support.words import quoted
 
 
 def words(text: str | None) -> list[str] | None:
@@ -41,7 +43,7 @@ DataArgument: TypeAlias = Annotated[
     typer.Argument(
         metavar="DATA",
         parser=data_path,
-        help="A data file (.csv, .txt, .dat, .tsv, .mat, .npz), or a folder of them.",
+        help="A data file (.csv, .txt, .dat, .tsv, also .gz; .mat, .npz), or a folder of them.",
         show_default=False,
     ),
 ]
@@ -103,12 +105,47 @@ def _stated(parameter: inspect.Parameter, hint: Any, told: Mapping[str, tuple[st
     return Annotated[hint, typer.Option(*flags, **further)]
 
 
+_EXAMPLE = inspect.Parameter(
+    "example",
+    inspect.Parameter.KEYWORD_ONLY,
+    default=None,
+    annotation=Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"In place of DATA, a measurement that ships: {', '.join(EXAMPLES)}.",
+        ),
+    ],
+)
+
+
+def _is_data(hint: Any) -> bool:
+    return any(getattr(each, "parser", None) is data_path for each in get_args(hint))
+
+
+def _chosen_data(data: Any, example: str | None, parameter: inspect.Parameter) -> Any:
+    """Return the paths of the data, or of the example in their place."""
+    if example is not None and data:
+        raise InputError(f"--example {quoted(example)} stands in place of DATA; give one of them")
+    many = parameter.default is None
+    if example is not None:
+        folder = example_folder(example)
+        return [folder] if many else folder
+    if data is None and not many:
+        raise InputError(
+            f"DATA is missing; give a data file, a folder of data files, or --example {EXAMPLES[0]}"
+        )
+    return data
+
+
 def expanded(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command its options: those its docstring states, and the fields of groups.
+    """Give a command its options: those its docstring states, the fields of groups, examples of data.
 
     A parameter whose type is a dataclass of options, such as ``reading: DataOptions``, becomes the
-    options that its fields state; see :mod:`rdpi_gym.support.options`.
+    options that its fields state; see :mod:`rdpi_gym.support.options`. With an argument DATA comes
+    ``--example``, which stands in its place.
     """
+    data: inspect.Parameter | None = None
     hints, told = get_type_hints(command, include_extras=True), entries(command.__doc__)
     own: list[inspect.Parameter] = []
     further: list[inspect.Parameter] = []
@@ -118,6 +155,9 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
         if not (isinstance(hint, type) and is_dataclass(hint)):
             stated = _stated(parameter, hint, told)
             own.append(parameter.replace(annotation=stated, kind=parameter.KEYWORD_ONLY))
+            if _is_data(stated):
+                data = parameter
+                own[-1:] = own[-1].replace(default=None), _EXAMPLE
             continue
         names = {}
         for field, option, meaning in option_fields(hint):
@@ -144,6 +184,8 @@ def expanded(command: Callable[..., None]) -> Callable[..., None]:
             }
             with as_typed({field: option.flag for field, option in names.values()}):
                 given[group] = kind(**read)
+        if data is not None:
+            given[data.name] = _chosen_data(given[data.name], given.pop(_EXAMPLE.name), data)
         command(**given)
 
     signature = inspect.Signature([*own, *further])

@@ -77,7 +77,7 @@ def print_result(
         print_table(result.overview(), title)
         print(*further, records.describe(), "", *written, sep="\n")
         return
-    print(*result.summary_lines(), sep="\n")
+    print(*filter(None, [*result.summary_lines(), records.units_assumed]), sep="\n")
     table = result.brief()
     print_table(table.head(_MOST_ROWS), title)
     more = len(table) - _MOST_ROWS

@@ -16,7 +16,7 @@ _AMPLITUDES = (
     "thresholds and weights are known at these amplitudes only, and a gain that changes with "
     "amplitude cannot be seen."
 )
-_FREQUENCIES = "delay, lags, the rate law and δ2 cannot be told apart."
+_FREQUENCIES = "delay, lags, the rate law and δ2 cannot be separated."
 _NO_STRETCH = "No stretch of the command runs from one reversal to the next: "
 _CONGRUENT = "Loops of {span:~3} {input_unit} in {record} "
 _SIDES = _CONGRUENT + "are {percent:~2} % {} at the sides of the range than in its middle"
@@ -68,11 +68,11 @@ CHECKS: Mapping[str, str] = {
     "no long holds/no": "After a move the command rests for up to {longest:~3} s.",
     "no long holds/yes": "The longest rest after a move takes {longest:~3} s: creep and drift show "
     "over decades of time.",
-    "no repetition/record": "{second} has the command of {first}: noise and drift can be told from "
+    "no repetition/record": "{second} has the command of {first}: noise and drift can be separated from "
     "the actuator.",
-    "no repetition/period": "{record} repeats its period: noise can be told from the actuator.",
+    "no repetition/period": "{record} repeats its period: noise can be separated from the actuator.",
     "no repetition/yes": "No command is repeated: noise, drift and what the actuator does cannot be "
-    "told apart without a model.",
+    "separated without a model.",
     "clipping/yes": "In {record} near {extreme:.5g} {output_unit} the {output} stands still for "
     "{count} samples while the command moves: the sensor or the recorder clips.",
     "clipping/no": "The {output} never stands at its extreme while the command moves: no clipping.",
@@ -150,7 +150,7 @@ CHECKS: Mapping[str, str] = {
     "asymmetry/no": _EVEN + ": no asymmetry.",
     "asymmetry/cannot tell": _EVEN + ", not safely more than its noise.",
     "small signals/none": "No periodic record stays below a tenth of the command's widest swing, so "
-    "lag, delay, resonance and the rate law cannot be told apart by small signals.",
+    "lag, delay, resonance and the rate law cannot be separated by small signals.",
     "small signals/still": "In {record} nothing moves at the command's frequencies, so there is no "
     "phase.",
     "small signals/nonlinear": "In {record} the {output} is not proportional to the command, so its "
@@ -420,7 +420,7 @@ COMPARISON: Mapping[str, str] = {
         for kind, text in {
             "little": ": no marked drift.",
             "unsure": ", which is not safely more than what it moves by from piece to piece and with "
-            "the command: a drift cannot be told.",
+            "the command: a drift cannot be seen.",
             "jumps": ", but jumps from record to record more than that: offsets that differ, or memory "
             "from before a record, rather than drift.",
             "one": _STRAIGHT + "creep that still goes on, or drift.",
@@ -430,7 +430,7 @@ COMPARISON: Mapping[str, str] = {
     "spectrum/short": "The records are too short for a spectrum of the error.",
     "spectrum/noise": "In no band of frequencies is the error much more than noise.",
     "spectrum/slow": "Most of the error above noise lies below {edge_hz:~2} Hz, slower than a spectrum "
-    "of these records resolves: what of it follows the command cannot be told from it.",
+    "of these records resolves: the part that follows the command cannot be separated.",
     "spectrum/coherent/most": _BAND
     + ": a linear filter could remove most of it, such as a gain, a delay, "
     "a lag, a resonance or creep.",
@@ -669,7 +669,7 @@ SEARCH: Mapping[str, str] = {
     "left/low": "At least {low:.0f} % of the remaining squared error above noise follows from the input.",
     "nothing tried": "nothing was tried beside the model: its own refit failed ({error})",
     "within records": "the records to validate on do not show what those to fit ask for, as a drift of "
-    "a later record cannot be told from an earlier one: a quarter of every record, in blocks, is held "
+    "a later record does not follow from an earlier one: a quarter of every record, in blocks, is held "
     "out from here on",
     "one class": "one class with them and with δ2: all rates are alike",
     "read/stretch/one/all": "a stretch of {size:,} samples of {records}",

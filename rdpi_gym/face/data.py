@@ -221,9 +221,9 @@ def load(
 ) -> Dataset:
     r"""Read a measurement: one file, or a folder in which every data file is a record.
 
-    Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``), MATLAB (``.mat``) and NumPy (``.npz``) files hold
-    ``t`` (s), ``u`` (V), ``y`` (µm) and optionally ``reference`` (µm), ``temperature`` (°C) and
-    ``period``.
+    Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``, each also ``.gz``), MATLAB (``.mat``) and NumPy
+    (``.npz``) files hold ``t`` (s), ``u`` (V), ``y`` (µm) and optionally ``reference`` (µm),
+    ``temperature`` (°C) and ``period``.
 
     Parameters
     ----------
@@ -266,6 +266,7 @@ def load(
     run.csv: 1 record, 40 samples; 1 to fit, the last quarter of each to validate on
       run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
       no validation record: the last quarter of each record is held out for validation
+      no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others
     """
     check_type(path, PathLike[str] | str | Sequence[PathLike[str] | str], "load: path")
     paths = [path] if isinstance(path, str) or not isinstance(path, Sequence) else path

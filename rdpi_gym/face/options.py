@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from rdpi_gym.measurement.loading import EXAMPLES, example_folder
 from rdpi_gym.measurement.options import DataOptions
 from rdpi_gym.support.checks import check_type
 from rdpi_gym.support.errors import InputError
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from rdpi_gym.plant import PlantModel
     from rdpi_gym.plant.effects import Effect
 
-__all__ = ["CandidateOptions", "DataOptions", "SearchOptions"]
+__all__ = ["EXAMPLES", "CandidateOptions", "DataOptions", "SearchOptions", "example_folder"]
 
 
 @dataclass(frozen=True)

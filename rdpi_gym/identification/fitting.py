@@ -10,7 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.plausibility import check_motion, plausibility_warnings
+from rdpi_gym.identification.plausibility import (
+    check_motion,
+    orientation,
+    plausibility_warnings,
+)
 from rdpi_gym.identification.residuals import (
     RecordResidual,
     pooled_rmse,
@@ -155,6 +159,18 @@ def delta2_warnings(
     return found
 
 
+def kind_warning(point: Point, moving: Sequence[bool], train: Sequence[Record]) -> list[str]:
+    """Offer a kind of hysteresis where no play operator is left: the one that turns as the loops do."""
+    if point.passive[1:].any() or not any(moving[1:]):
+        return []
+    said = "no play operator helps the fit, all weights but a_0 are 0; "
+    if orientation(train):
+        said += (
+            "the loops turn clockwise, which play operators cannot: --core stop fits such a kind, "
+        )
+    return [f"{said}--core auto compares all kinds"]
+
+
 def bound_warnings(
     point: Point, moving: Sequence[bool], names: Sequence[str], bounds: Bounds
 ) -> list[str]:
@@ -178,7 +194,7 @@ def bound_warnings(
             "beyond it, that these plays hardly move; record larger amplitudes or take fewer plays"
         )
     zero = [i for i in range(1, len(moving)) if moving[i] and not point.passive[i]]
-    if zero:
+    if zero and point.passive[1:].any():
         found.append(f"{_weights(zero)} at the bound 0: these plays do not help the fit")
     for name, extremum in zip(names, point.theta[2:], strict=False):
         if abs(extremum) >= bounds.reach_V:
@@ -304,15 +320,14 @@ def fit(
     spread = rate_spread(stack)
     delta2_s = float(point.theta[1])
     determined = not spread.alike and delta2_s > Z95 * uncertainty.theta[1]
+    moving = moving_plays(point.tangents[:, : n + 2, : n + 2], min_motion).tolist()
+    other_kind = kind_warning(point, moving, train)
     warnings = (
-        *plausibility_warnings(trained, delta2_s if determined else None, quantities),
-        *delta2_warnings(point, uncertainty, spread, bounds),
-        *bound_warnings(
-            point,
-            moving_plays(point.tangents[:, : n + 2, : n + 2], min_motion).tolist(),
-            list(extrema) if free_memory else [],
-            bounds,
+        *plausibility_warnings(
+            trained, delta2_s if determined else None, quantities, None if other_kind else False
         ),
+        *(other_kind or delta2_warnings(point, uncertainty, spread, bounds)),
+        *bound_warnings(point, moving, list(extrema) if free_memory else [], bounds),
         *correlation_warning(lengths),
     )
     names = ["delta1_V", "delta2_s", *(f"a_{i}" for i in range(n + 1))]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from rdpi_gym.identification.cores import (
     with_quantities,
 )
 from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
-from rdpi_gym.identification.plausibility import check_motion
+from rdpi_gym.identification.plausibility import check_motion, orientation
 from rdpi_gym.identification.residuals import (
     beats,
     centred_residual,
@@ -180,8 +179,6 @@ _AT_REST = 0.02
 # Ratio to the median error from which on a record is unexplained by all kinds; ratio of rms errors up
 # to which a kind is refitted without such records; fewest records of which one can be left out.
 _UNEXPLAINED_RECORD, _HOPEFUL_RATIO, _FEWEST_RECORDS = 3.0, 6.0, 3
-# Least cycles, least relative loop area and its least number of standard errors for a sense of rotation.
-_CYCLES, _LEAST_AREA, _AREA_ERRORS = 2, 0.02, 4.0
 
 
 @dataclass(frozen=True)
@@ -365,29 +362,6 @@ def _as_core_fit(fit: JointFit, train: Sequence[Record], name: str) -> CoreFit:
         fit.passes,
         fit.smoothness,
     )
-
-
-def orientation(records: Sequence[Record]) -> bool | None:
-    """Return whether loops turn clockwise in the plane of command and displacement.
-
-    None where the area that they enclose does not stand out from its scatter over the cycles.
-    """
-    areas = []
-    for record in records:
-        u, y = record.u_V - record.u_V.mean(), record.y_um - record.y_um[record.error_mask].mean()
-        size = float(np.std(u) * np.std(y))
-        crossings = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0))
-        for start, end in pairwise(crossings.tolist()):
-            part = slice(start, end + 1)
-            if size > 0.0 and record.error_mask[part].all():
-                areas.append(float(np.trapezoid(y[part], u[part])) / size)
-    if len(areas) < _CYCLES:
-        return None
-    middle = float(np.median(areas))
-    spread = float(np.median(np.abs(np.array(areas) - middle)))
-    if abs(middle) < max(_LEAST_AREA, _AREA_ERRORS * 1.4826 * spread / math.sqrt(len(areas))):
-        return None
-    return middle > 0.0
 
 
 def _held_out(fit: CoreFit) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -35,6 +36,8 @@ LARGEST_DELTA2_S = 0.2
 LITTLE, _OPENING = 0.1, 0.005
 # Share that the fit has to explain before the sense of loops says anything.
 _WELL = 0.5
+# Least cycles, least relative loop area and its least number of standard errors for a sense of rotation.
+_CYCLES, _LEAST_AREA, _AREA_ERRORS = 2, 0.02, 4.0
 # Pieces of a record whose spectra are averaged.
 _SEGMENTS = 16
 # Standard deviations that a loop has to be wide to turn anywhere.
@@ -142,6 +145,29 @@ def linear_share(records: Sequence[Record]) -> float:
         coherent += record.u_V.size * float(coherence[1:] @ yy[1:])
         power += record.u_V.size * float(np.sum(yy[1:]))
     return coherent / power if power > 0.0 else 0.0
+
+
+def orientation(records: Sequence[Record]) -> bool | None:
+    """Return whether loops turn clockwise in the plane of command and displacement.
+
+    None where the area that they enclose does not stand out from its scatter over the cycles.
+    """
+    areas = []
+    for record in records:
+        u, y = record.u_V - record.u_V.mean(), record.y_um - record.y_um[record.error_mask].mean()
+        size = float(np.std(u) * np.std(y))
+        crossings = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0))
+        for start, end in pairwise(crossings.tolist()):
+            part = slice(start, end + 1)
+            if size > 0.0 and record.error_mask[part].all():
+                areas.append(float(np.trapezoid(y[part], u[part])) / size)
+    if len(areas) < _CYCLES:
+        return None
+    middle = float(np.median(areas))
+    spread = float(np.median(np.abs(np.array(areas) - middle)))
+    if abs(middle) < max(_LEAST_AREA, _AREA_ERRORS * 1.4826 * spread / math.sqrt(len(areas))):
+        return None
+    return middle > 0.0
 
 
 def _turning(left: Sequence[RecordResidual], explained: float, is_piezo: bool) -> str | None:

@@ -16,11 +16,18 @@ import numpy as np
 
 from rdpi_gym import face
 from rdpi_gym.measurement.binary import reading, stacked_tags
-from rdpi_gym.measurement.loading import TEXTS
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import UNITS
 from rdpi_gym.measurement.settings import LARGEST, parse_settings
-from rdpi_gym.measurement.table import REQUIRED, header_unit
+from rdpi_gym.measurement.table import (
+    ENDINGS,
+    READ,
+    REQUIRED,
+    TEXTS,
+    ending_of,
+    header_unit,
+    stem_of,
+)
 from rdpi_gym.measurement.text import (
     SEPARATORS,
     find_rows,
@@ -37,8 +44,6 @@ from rdpi_gym.support.temporaries import temporary, writing
 from rdpi_gym.support.words import quoted, short
 
 SETTINGS = "dataset.toml"
-ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".mat", ".npz")
-"""Endings of files that may hold a record."""
 MOST_FILES, MOST_BYTES = 64, 256 * 2**20
 REFUSED = "refused"
 _LONGEST = 120  # characters of a file's name
@@ -67,11 +72,11 @@ def safe_name(name: str) -> str:
     r"""Return the base name of a file that was sent, as it may stand in a folder."""
     base = re.split(r"[/\\]", name)[-1].lstrip(".")
     safe = "".join(c for c in base if c.isprintable() and c not in '<>:"|?*')[-_LONGEST:].strip()
-    ending = Path(safe).suffix.lower()
+    ending = ending_of(Path(safe))
     if safe != SETTINGS and ending not in ENDINGS:
         raise InputError(
             f"{safe or 'the file'}: files that end in {ending or 'nothing'!r} are not read; "
-            f"give {', '.join(ENDINGS)}"
+            f"give {READ}"
         )
     return safe
 
@@ -84,7 +89,7 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     if source.is_dir():
         files = data_files(source)
         if not files:
-            raise InputError(f"{source}: no data file in this folder; give {', '.join(ENDINGS)}")
+            raise InputError(f"{source}: no data file in this folder; give {READ}")
     if len(files) > MOST_FILES:
         raise InputError(f"{source} holds {len(files)} data files; give {MOST_FILES} at most")
     for file in files:
@@ -96,9 +101,9 @@ def copy_in(source: Path, folder: Path) -> list[str]:
     settings = (source if source.is_dir() else source.parent) / SETTINGS
     folder.mkdir(parents=True, exist_ok=True)
     if settings.exists() and not (folder / SETTINGS).exists():
-        document = _document(settings, [file.stem for file in data_files(settings.parent)])
+        document = _document(settings, [stem_of(file) for file in data_files(settings.parent)])
         if not source.is_dir():  # without records that are not there
-            stems = {file.stem for file in files}
+            stems = {stem_of(file) for file in files}
             own = document.get("records", {})
             document["records"] = {name: entry for name, entry in own.items() if name in stems}
         write_atomic(folder / SETTINGS, _toml(document))
@@ -173,7 +178,9 @@ def _set_aside(folder: Path, names: Iterable[str]) -> None:
     aside.mkdir(exist_ok=True)
     document = settings_of(folder)
     kept = dict(document.get("records", {}))
-    moved = {stem: kept.pop(stem) for stem in (Path(name).stem for name in names) if stem in kept}
+    moved = {
+        stem: kept.pop(stem) for stem in (stem_of(Path(name)) for name in names) if stem in kept
+    }
     if moved:
         write_atomic(aside / SETTINGS, _toml({"records": moved}))
     for name in names:
@@ -188,7 +195,7 @@ def _take_back(folder: Path) -> None:
     if not aside.exists():
         return
     files = data_files(aside)
-    stems, moved = {file.stem for file in files}, settings_of(aside).get("records", {})
+    stems, moved = {stem_of(file) for file in files}, settings_of(aside).get("records", {})
     if moved := {stem: table for stem, table in moved.items() if stem in stems}:
         document = settings_of(folder)
         records = {**moved, **document.get("records", {})}
@@ -213,9 +220,7 @@ def all_files(folder: Path) -> list[Path]:
 def data_files(folder: Path) -> list[Path]:
     """Return the data files of a folder, in order; none where it is not there."""
     files = folder.iterdir() if folder.is_dir() else ()
-    return sorted(
-        f for f in files if f.suffix.lower() in ENDINGS and f.is_file() and f.name[0] != "."
-    )
+    return sorted(f for f in files if ending_of(f) in ENDINGS and f.is_file() and f.name[0] != ".")
 
 
 def refused_file(folder: Path, name: str) -> Path:
@@ -269,7 +274,7 @@ def write_settings(folder: Path, changes: Mapping[str, Any], records: Iterable[s
     if "quantities" in changes:
         document["quantities"] = _table(changes, "quantities")
     text = _toml(document)
-    parse_settings(text, SETTINGS, [*records, *(file.stem for file in all_files(folder))])
+    parse_settings(text, SETTINGS, [*records, *(stem_of(file) for file in all_files(folder))])
     write_atomic(folder / SETTINGS, text)
 
 
@@ -339,7 +344,7 @@ def preview(
     if name not in known or name not in files:
         raise InputError(f"there is no data file {quoted(name)} in this session")
     file = files[name]
-    own, document = record_settings(folder, file.stem), settings_of(folder)
+    own, document = record_settings(folder, stem_of(file)), settings_of(folder)
     if separator is None:
         separator = str(own.get("separator", ""))
     if separator and separator not in SEPARATORS:
@@ -351,11 +356,11 @@ def preview(
         except InputError as error:
             raise InputError(error.fact.replace(f"{file.parent}/", "")) from error
         alike = [
-            other.stem
+            stem_of(other)
             for other_name, entry in known.items()
             if other_name != name
             and (other := files.get(other_name)) is not None
-            and other.suffix.lower() == file.suffix.lower()
+            and ending_of(other) == ending_of(file)
             and (entry["problem"] is not None) == is_refused
             and _has(head.columns, other, separator, matlab)
         ]
@@ -366,7 +371,7 @@ def preview(
         if side in document.get("quantities", {}) and units[role] == _USUAL[role]:
             units[role] = ""
     return {
-        "record": file.stem,
+        "record": stem_of(file),
         "columns": [
             {"source": c.source, "name": short(c.name), "unit": split_name(c.name)[1]}
             for c in head.columns[:_MOST_COLUMNS]
@@ -442,7 +447,7 @@ def _has(columns: Sequence[Column], other: Path, separator: str, matlab: MatlabR
 
 
 def _head(file: Path, separator: str, matlab: MatlabReader) -> Head:
-    ending = file.suffix.lower()
+    ending = ending_of(file)
     if ending in TEXTS:
         return _text(file, separator)
     if ending == ".npz":

@@ -18,6 +18,7 @@ from rdpi_gym.laboratory.session import Step, check_folder
 from rdpi_gym.laboratory.session_jobs import Events, Models, Pending
 from rdpi_gym.laboratory.session_json import noise_um, state_of
 from rdpi_gym.measurement.settings import LARGEST
+from rdpi_gym.measurement.table import stem_of
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import read_bytes, write_atomic
@@ -191,7 +192,8 @@ class Lab(Models):
         check_folder(session.folder)
         folder = session.data_folder
         records = [r.name for r in session.data.records] if session.data is not None else []
-        records += [f.stem for f in data_import.data_files(folder) if f.stem not in records]
+        files = map(stem_of, data_import.data_files(folder))
+        records += [stem for stem in files if stem not in records]
         path = folder / data_import.SETTINGS
         before = read_bytes(path, LARGEST) if path.exists() else None
         data_import.write_settings(folder, changes, records)

@@ -407,9 +407,9 @@ def _sentence(validation_um: float, found: face.Comparison | face.ModelCompariso
     floor = found.noise_floor_um
     error = in_output(validation_um)
     if floor > 0 and validation_um <= _TIMES_FLOOR * floor:
-        said = f"{error} is left on validation records: the noise, {in_output(floor)}."
+        said = f"Validation error {error}, no more than noise ({in_output(floor)})."
     else:
         times = f", {validation_um / floor:.1f} times the noise" if floor > 0 else ""
         where = found.findings.get("records", found.findings.get("largest", ""))
-        said = f"{error} is left on validation records{times}. {where}".strip()
+        said = f"Validation error {error}{times}. {where}".strip()
     return found.quantities.fill(said)

@@ -8,6 +8,7 @@ from typing import Any
 from rdpi_gym.laboratory import data_import, views
 from rdpi_gym.laboratory.session import Session, Step
 from rdpi_gym.measurement import Quantities
+from rdpi_gym.measurement.table import stem_of
 from rdpi_gym.plant import CORES
 
 
@@ -46,11 +47,13 @@ def _records(session: Session) -> list[dict[str, Any]]:
     if data is None:
         return []
     said = data_import.settings_of(folder).get("records", {})
-    files = {file.stem: file.name for file in data_import.data_files(folder)}
+    files = {stem_of(file): file.name for file in data_import.data_files(folder)}
     only = next(iter(files.values()), "")
-    return [
+    asked = data.units_assumed.partition(";")[0]  # the page gives no options
+    rows = (
         views.record_row(r, files.get(r.name, only), said.get(r.name, {})) for r in data.records
-    ]
+    )
+    return [{**row, "remarks": [*row["remarks"], *filter(None, [asked])]} for row in rows]
 
 
 def _settings(session: Session) -> dict[str, Any]:

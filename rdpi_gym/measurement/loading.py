@@ -13,26 +13,23 @@ from rdpi_gym.measurement.binary import read_matlab, read_npz, read_stacked, sta
 from rdpi_gym.measurement.checking import make_record, mask_out
 from rdpi_gym.measurement.matlab import MatlabReader
 from rdpi_gym.measurement.options import OTHER, UNITS, DataOptions
-from rdpi_gym.measurement.quantities import Quantities, quantities_of
+from rdpi_gym.measurement.quantities import SIDES, Quantities, quantities_of
 from rdpi_gym.measurement.record import Dataset, Record, Role
 from rdpi_gym.measurement.settings import SETTINGS_FILE, RecordSettings, Settings, read_settings
-from rdpi_gym.measurement.table import Table
+from rdpi_gym.measurement.table import ENDINGS, READ, TEXTS, Table, ending_of, stem_of
 from rdpi_gym.measurement.text import read_text
 from rdpi_gym.measurement.units import plain_unit
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import exists
 from rdpi_gym.support.words import quoted, some
 
-TEXTS = (".csv", ".txt", ".dat", ".tsv")
-"""Endings of text files."""
-_ENDINGS = (*TEXTS, ".mat", ".npz")
 _ABOUT = ("readme", "license", "licence", "copying", "changelog", "notes")
 
 
 def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = None) -> Dataset:
     r"""Read a measurement: one file, or a folder in which every data file is a record.
 
-    Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``), MATLAB (``.mat``, v5 and v7.3) and NumPy
+    Text (``.csv``, ``.txt``, ``.dat``, ``.tsv``, each also ``.gz``), MATLAB (``.mat``, v5 and v7.3) and NumPy
     (``.npz``) files hold ``t`` (s), ``u`` (V), ``y`` (µm) and optionally ``reference`` (µm),
     ``temperature`` (°C) and ``period``. A ``dataset.toml`` in the folder says more; it also holds
     for one file of the folder that is read alone. Validation records are those that it names,
@@ -62,6 +59,7 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
     run.csv
       run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
       no validation record: the last quarter of each record is held out for validation
+      no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others
     """
     options = options or DataOptions()
     paths = [path] if isinstance(path, str | PathLike) else list(path)
@@ -69,7 +67,7 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
         raise InputError("no path of data is given; give a data file or a folder of data files")
     remarks: list[str] = []
     parts = [_part(each, options, remarks) for each in paths]
-    quantities = _quantities(parts, options)
+    quantities, assumed = _quantities(parts, options)
     records = [record for part in parts for record in part.records(options, quantities)]
     names = [record.name for record in records]
     if doubled := [name for name in names if names.count(name) > 1]:
@@ -88,18 +86,23 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
         records=tuple(replace(r, role=roles.get(r.name, r.role)) for r in records),
         remarks=tuple(remarks),
         quantities=quantities,
+        assumed=assumed,
     )
 
 
-def _quantities(parts: Sequence[_Part], options: DataOptions) -> Quantities:
-    """Settle what was measured from all that is said of it, the first file's header the last."""
+def _quantities(parts: Sequence[_Part], options: DataOptions) -> tuple[Quantities, tuple[str, ...]]:
+    """Settle what was measured from all that is said of it, the first file's header the last.
+
+    Returned too are the columns whose unit is said nowhere.
+    """
     first = parts[0].tables[0]
     said: dict[str, Mapping[str, str]] = {}
     for part in parts:
         said = {**part.settings.quantities, **said}
     units = parts[0].units(first, options)
     where = str(parts[0].toml) if said else first.at(0)
-    return quantities_of(said, units, first.names, where)
+    unsaid = (c for side, c in SIDES.items() if c not in units and "unit" not in said.get(side, {}))
+    return quantities_of(said, units, first.names, where), tuple(unsaid)
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ class _Part:
         return {**header, **self._stated_units(table, options)}
 
     def _stated_units(self, table: Table, options: DataOptions) -> dict[str, str]:
-        own = self.settings.of(table.source.stem)
+        own = self.settings.of(table.stem)
         return {**self.settings.units, **own.units, **options.units}
 
     def records(self, options: DataOptions, quantities: Quantities) -> list[Record]:
@@ -125,7 +128,7 @@ class _Part:
         return [self._record(table, options, quantities) for table in self.tables]
 
     def _record(self, table: Table, options: DataOptions, quantities: Quantities) -> Record:
-        stem = table.source.stem
+        stem = table.stem
         name, own = table.name or stem, self.settings.of(stem)
         said = self.settings.skip_s if own.skip_s is None else own.skip_s
         record = make_record(
@@ -185,7 +188,7 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
     toml = folder / SETTINGS_FILE
     if toml.exists():
         siblings = files if source.is_dir() else _data_files(folder, [])
-        settings = read_settings(toml, [file.stem for file in siblings])
+        settings = read_settings(toml, [stem_of(file) for file in siblings])
         if files != siblings:
             remarks.append(f"{toml} holds for this file too")
     with MatlabReader() as matlab:
@@ -194,11 +197,11 @@ def _part(path: Path | str, options: DataOptions, remarks: list[str]) -> _Part:
 
 
 def _ending(file: Path) -> str:
-    ending = file.suffix.lower()
-    if ending not in _ENDINGS:
+    ending = ending_of(file)
+    if ending not in ENDINGS:
         raise InputError(
             f"{file}: files that end in {ending or 'nothing'!r} are not read; "
-            f"give a folder or one of {', '.join(_ENDINGS)}"
+            f"give a folder or one of {READ}"
         )
     if printable(file.name) != file.name:
         raise InputError(f"{file}: the name holds control characters; rename the file")
@@ -212,33 +215,33 @@ def _data_files(folder: Path, remarks: list[str]) -> list[Path]:
         raise InputError(f"{folder} cannot be read ({error.strerror})") from error
     files: dict[str, Path] = {}
     for file in listed:
-        if file.suffix.lower() not in _ENDINGS or file.name.startswith(".") or file.is_dir():
+        ending, stem = ending_of(file), stem_of(file)
+        if ending not in ENDINGS or file.name.startswith(".") or file.is_dir():
             continue
-        if file.suffix.lower() == ".txt" and file.stem.lower().startswith(_ABOUT):
+        if ending.startswith(".txt") and stem.lower().startswith(_ABOUT):
             remarks.append(f"left out: {file.name}, by its name no record")
-        elif file.stem in files:
-            raise InputError(
-                f"{file} and {files[file.stem].name} are both record {file.stem!r}; rename one"
-            )
+        elif stem in files:
+            raise InputError(f"{file} and {files[stem].name} are both record {stem!r}; rename one")
         else:
-            files[file.stem] = file
+            files[stem] = file
     if not files:
-        raise InputError(f"{folder}: no data file in this folder; give {', '.join(_ENDINGS)}")
+        raise InputError(f"{folder}: no data file in this folder; give {READ}")
     return list(files.values())
 
 
 def _read(
     file: Path, settings: Settings, options: DataOptions, matlab: MatlabReader
 ) -> list[Table]:
-    columns = _columns(file.stem, settings, options)
-    time_s = _sampling_time(file.stem, settings, options)
+    stem = stem_of(file)
+    columns = _columns(stem, settings, options)
+    time_s = _sampling_time(stem, settings, options)
     time_needed = columns["t"] != "" if "t" in columns else time_s is None
-    ending, separator = _ending(file), settings.of(file.stem).separator
+    ending, separator = _ending(file), settings.of(stem).separator
     if ending in TEXTS:
         return [read_text(file, columns, time_needed=time_needed, separator=separator)]
     if separator:
         raise InputError(
-            f"{file.with_name(SETTINGS_FILE)}: records.{file.stem}.separator is {separator!r}; "
+            f"{file.with_name(SETTINGS_FILE)}: records.{stem}.separator is {separator!r}; "
             f"leave it out, {file.name} is no text"
         )
     if ending == ".mat":
@@ -307,6 +310,8 @@ DATA_HINT = (
 )
 """Source of the measurements that do not ship, and the variable that names a copy of them."""
 _EXAMPLES = Path(__file__).with_name("examples")
+EXAMPLES = tuple(sorted(folder.name for folder in _EXAMPLES.iterdir()))
+"""Names of the measurements that ship."""
 
 
 def example_folder(name: str) -> Path:
@@ -328,9 +333,8 @@ def example_folder(name: str) -> Path:
     >>> load(example_folder("picma")).title
     'PICMA P-885.91 stack, 1 Hz, 200 Hz sampling'
     """
-    known = sorted(folder.name for folder in _EXAMPLES.iterdir())
-    if name not in known:
-        raise InputError(f"no example is named {quoted(name)}; there is {', '.join(known)}")
+    if name not in EXAMPLES:
+        raise InputError(f"no example is named {quoted(name)}; there is {', '.join(EXAMPLES)}")
     return _EXAMPLES / name
 
 

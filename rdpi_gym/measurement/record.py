@@ -312,6 +312,8 @@ class Dataset:
     quantities
         Name, symbol and unit of input and output, as they are printed: the numbers of `u_V` and
         `y_um` are in these units.
+    assumed
+        Columns, of ``u`` and ``y``, whose unit neither header nor settings state: V and µm then.
 
     Examples
     --------
@@ -332,6 +334,22 @@ class Dataset:
     records: tuple[Record, ...]
     remarks: tuple[str, ...] = ()
     quantities: Quantities = field(default_factory=Quantities)
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def units_assumed(self) -> str:
+        """Line that asks for the units that nothing states; empty where all are stated.
+
+        Examples
+        --------
+        >>> Dataset("run.csv", (), assumed=("u", "y")).units_assumed
+        'no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others'
+        """
+        if not self.assumed:
+            return ""
+        taken = ", ".join(self.quantities.by_column[column] for column in self.assumed)
+        option = ",".join(f"{column}=UNIT" for column in self.assumed)
+        return f"no unit is given for {', '.join(self.assumed)}: taken as {taken}; --units {option} gives others"
 
     def _moving(self, role: Role) -> tuple[Record, ...]:
         return tuple(r for r in self.records if r.role == role and not r.is_quiet)
@@ -390,5 +408,5 @@ class Dataset:
             lines.append(
                 "  no validation record: the last quarter of each record is held out for validation"
             )
-        lines += [f"  {remark}" for remark in self.remarks]
+        lines += [f"  {remark}" for remark in (*self.remarks, self.units_assumed) if remark]
         return "\n".join(lines)

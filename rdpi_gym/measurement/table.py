@@ -17,6 +17,15 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import short, some
 
 REQUIRED = ("t", "u", "y")
+_PLAIN = (".csv", ".txt", ".dat", ".tsv")
+PACKED = ".gz"
+"""Ending of a text that is compressed, behind its own."""
+TEXTS = (*_PLAIN, *(plain + PACKED for plain in _PLAIN))
+"""Endings of text files."""
+ENDINGS = (*TEXTS, ".mat", ".npz")
+"""Endings of files that may hold a record."""
+READ = f"{', '.join(_PLAIN)} (each also with {PACKED}), .mat, .npz"
+"""The same for a reader."""
 _MEANING = {
     "t": "time in s",
     "u": "voltage in V",
@@ -25,6 +34,17 @@ _MEANING = {
     "temperature": "temperature in °C",
     "period": "index of the repetition",
 }
+
+
+def ending_of(file: Path) -> str:
+    """Return the ending of a data file in small letters, ``.csv.gz`` of a compressed text."""
+    ending = file.suffix.lower()
+    return file.with_suffix("").suffix.lower() + ending if ending == PACKED else ending
+
+
+def stem_of(file: Path) -> str:
+    """Return the name of a data file without its ending: that of its record."""
+    return file.name[: len(file.name) - len(ending_of(file))]
 
 
 @dataclass(frozen=True)
@@ -42,6 +62,11 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     name: str = ""  # Name of the record, where it is not that of the file
     settles: bool = False  # Whether the first of its periods is there for a model to settle in
+
+    @property
+    def stem(self) -> str:
+        """Name of the file without its ending."""
+        return stem_of(self.source)
 
     @property
     def rows(self) -> int:

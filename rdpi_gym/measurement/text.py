@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import codecs
 import csv
+import gzip
+import os
 import re
-from collections.abc import Mapping, Sequence
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import IO, NoReturn, cast
 
 import numpy as np
 
-from rdpi_gym.measurement.table import REQUIRED, Table, from_header, label, select
+from rdpi_gym.measurement.table import PACKED, REQUIRED, Table, from_header, label, select
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import open_regular, read_bytes
+from rdpi_gym.support.npz import EXPANSION, FREE_BYTES, largest_expansion
 from rdpi_gym.support.words import quoted
 
 LARGEST_TEXT = 2**30
 """Most bytes of a text file that is read: some ten million samples."""
+_PIECE = 2**20  # bytes that are expanded at once
 _MARKS = (
     (codecs.BOM_UTF8, "UTF-8"),
     (codecs.BOM_UTF16_LE, "UTF-16-LE"),
@@ -29,16 +35,50 @@ _MARKS = (
 
 def read_lines(path: Path, largest: int = LARGEST_TEXT) -> list[str]:
     r"""Read the lines of a text file, whatever ends them (``\n``, ``\r\n`` or ``\r``)."""
-    return _lines(_text(path, read_bytes(path, largest), True))
+    raw = _unpacked(path, largest) if _is_packed(path) else read_bytes(path, largest)
+    return _lines(_text(path, raw, True))
 
 
 def read_head(path: Path, most: int) -> list[str]:
     r"""Read the first whole lines of a text file, as :func:`read_lines` does."""
-    with open_regular(path) as stream:
-        raw = stream.read(most + 1)
+    with open_regular(path) as stream, _reading(path, stream) as content:
+        raw = content.read(most + 1)
     is_whole = len(raw) <= most
     lines = _lines(_text(path, raw[:most], is_whole))
     return lines if is_whole else lines[:-1] or lines
+
+
+def _is_packed(path: Path) -> bool:
+    return path.suffix.lower() == PACKED
+
+
+@contextmanager
+def _reading(path: Path, stream: IO[bytes]) -> Iterator[IO[bytes]]:
+    """Give the bytes of a text as they are, or as they were before compression."""
+    if not _is_packed(path):
+        yield stream
+        return
+    try:
+        yield cast(IO[bytes], gzip.GzipFile(fileobj=stream))
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(
+            f"{path} cannot be read as gzip ({printable(str(error))[:150]}); give the text itself"
+        ) from error
+
+
+def _unpacked(path: Path, largest: int) -> bytes:
+    """Expand a text, piece by piece: no file sizes the memory."""
+    with open_regular(path) as stream, _reading(path, stream) as content:
+        most = min(largest, largest_expansion(os.fstat(stream.fileno()).st_size))
+        whole = bytearray()
+        while piece := content.read(min(_PIECE, most + 1 - len(whole))):
+            whole += piece
+    if len(whole) > most:
+        raise InputError(
+            f"{path}: expands to more than {most / 2**20:.0f} MiB; a compressed text may take {EXPANSION} times "
+            f"its size, or {FREE_BYTES / 2**20:.0f} MiB where that is more"
+        )
+    return bytes(whole)
 
 
 def _text(path: Path, raw: bytes, is_whole: bool) -> str:

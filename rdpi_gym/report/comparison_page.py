@@ -29,13 +29,11 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
     found = comparison.findings
     count = len({trace.name for trace in comparison.traces})
     answer, *heads = [found[key] for key in ("overall", "far", "range") if key in found]
-    points = [f"- {found[key]}" for key in comparison.leading]
     summary = "\n\n".join(
         [
             f"{answer} Model {comparison.model.name}, {count} "
             f"record{'s' if count > 1 else ''} of {comparison.title}.",
             *heads,
-            *(["What carries most of the error:", "\n".join(points)] if points else []),
         ]
     )
     return write_page(

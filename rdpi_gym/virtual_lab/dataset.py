@@ -309,7 +309,7 @@ def _inputs(dataset: Dataset) -> list[str]:
 def _quantities(dataset: Dataset) -> list[str]:
     found = dataset.quantities
     if found.are_standard:
-        return []
+        return ["", "[units]", 'u = "V"', 'y = "um"']
     lines = ["", "[quantities]"]
     for side, quantity in (("input", found.input), ("output", found.output)):
         entry = ", ".join(

@@ -371,7 +371,7 @@ class _Timed(Session):
     """Runs commands, and keeps what each printed and took (s)."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(folder, {})
+        super().__init__(folder)
         self.taken: list[dict[str, Any]] = []
 
     def run(self, command: str) -> list[str]:
@@ -386,7 +386,7 @@ class Recorded(Session):
     """Replays the printed lines of the commands of a walk."""
 
     def __init__(self, folder: Path, walk: Mapping[str, Any]) -> None:
-        super().__init__(folder, {})
+        super().__init__(folder)
         self._printed = {each["command"]: each["printed"] for each in walk["commands"]}
 
     def run(self, command: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rdpi_gym.cli import main
+from tests.looping import over
 
 
 def refused(capsys, *words: str) -> str:
@@ -23,6 +24,22 @@ def test_empty_data_are_not_the_current_folder(tmp_path_factory, capsys, monkeyp
             line = refused(capsys, command, "", *model, "--out", str(tmp_path / "out"))
             assert "DATA is empty; give a data file or a folder" in line
             assert not (tmp_path / "out").exists()
+
+
+@over(
+    "words",
+    [["fit"], ["compare", "--model", "P5"], ["diagnose"], ["add", "creep"], ["discover"], ["lab"]],
+)
+def test_an_example_stands_in_place_of_data(words, capsys, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "no example is named 'pcma'; there is picma" in refused(
+        capsys, *words, "--example", "pcma"
+    )
+    both = refused(capsys, *words, "run.csv", "--example", "picma")
+    assert "--example 'picma' stands in place of DATA; give one of them" in both
+    if words != ["lab"]:  # which files may be dropped on
+        assert "DATA is missing; give a data file, a folder" in refused(capsys, *words)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_plant_that_is_none_is_not_called(tmp_path_factory, capsys, subtests):

@@ -176,7 +176,7 @@ def test_picma():
     found = {check.name: check for check in run_checks(load(example_folder("picma")))}
     assert found["asymmetry"].zone == "yes"
     assert 1.0 < found["asymmetry"].value < 3.0
-    # one frequency: delay, lags and rate law cannot be told apart
+    # one frequency: delay, lags and rate law cannot be separated
     assert found["few frequencies"].zone == "yes"
     assert found["lag at small signals"].zone == "cannot tell"
     assert found["rate law"].zone == "cannot tell"

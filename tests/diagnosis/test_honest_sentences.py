@@ -120,7 +120,7 @@ def test_a_drift_that_is_there_is_still_said(name):
 
 def test_the_error_of_a_gain_over_one_cycle_is_no_drift():
     told = compare(measured("cycle"), OFF).findings
-    assert "a drift cannot be told" in told["clock"]
+    assert "a drift cannot be seen" in told["clock"]
     assert "passes through the same command" in told["plane"]
     assert "slower than a spectrum" in told["spectrum"]
 

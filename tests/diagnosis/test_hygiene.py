@@ -323,7 +323,14 @@ def test_a_record_that_begins_at_rest_is_not_in_motion():
 
 def test_what_one_record_cannot_tell_is_said():
     said = " ".join(text_of(each) for each in limits(Dataset("one", (record(sine()),))))
-    for words in ("1 record", "1 frequency (2 Hz)", "1 amplitude", "No rest", "No small signals"):
+    limits_of_one = (
+        "One record",
+        "One frequency (2 Hz)",
+        "One amplitude",
+        "No rest",
+        "No small-amplitude",
+    )
+    for words in limits_of_one:
         assert words in said
     assert "No repetition" not in said
     assert "300 samples" in " ".join(

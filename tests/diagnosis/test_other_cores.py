@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import add_effect, discover
 from rdpi_gym.diagnosis.search.plants import choose, fit_kinds, instead, simpler
 from rdpi_gym.diagnosis.search.refitting import setting_of
-from rdpi_gym.identification.kinds import orientation
+from rdpi_gym.identification.plausibility import orientation
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, PAPER_III_B, RDPI, PlantModel
 from rdpi_gym.plant.cores.stop import Stop

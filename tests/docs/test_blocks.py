@@ -101,20 +101,6 @@ ONNX, STEP = "results/scratch/policy.onnx", "results/stage.onnx"
 LIMIT_S = 240
 
 
-def write_measurement(folder):
-    """A record of half a second as somebody would measure it."""
-    import numpy as np
-
-    from rdpi_gym.measurement import Record, write_csv
-    from rdpi_gym.plant import P5, Plant
-
-    ts_s, rng = 1e-3, np.random.default_rng(0)
-    t = ts_s * np.arange(2000.0)
-    u = 20.0 * np.sin(2 * np.pi * (2.0 + 4.0 * t) * t) * (0.3 + 0.35 * t)
-    y = Plant(P5, ts_s).simulate(u) + 0.01 * rng.standard_normal(t.size)
-    write_csv(Record("measurement", t, u, y, ts_s=ts_s), folder / "measurement.csv")
-
-
 def write_model(folder):
     from rdpi_gym.plant import P5
 
@@ -159,7 +145,6 @@ def write_step(folder):
 
 # What lies in the folder of a block that names it.
 SAMPLES = {
-    "measurement.csv": write_measurement,
     "results/fit/model.json": write_model,
     "results/stage.json": write_stage,
     **dict.fromkeys(POLICIES, write_policy),

@@ -3,10 +3,8 @@
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rdpi_gym.measurement import DataOptions, example_folder, load
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_json
 from studies.pages import (
@@ -88,7 +86,7 @@ def session(tmp_path):
         tmp_path / "add.json",
         {"format": "rdpi-add", "version": 1, "steps": [{"effect": "creep", "size": 0.01234}, {"effect": "delay", "size": 2.0}]},
     )  # fmt: skip
-    return Session(tmp_path, {"DATA": tmp_path / "somewhere"})
+    return Session(tmp_path)
 
 
 def test_numbers_and_names_are_filled_in(session):
@@ -153,9 +151,16 @@ def test_the_list_of_records_is_printed_once(session):
     assert session.run("python say.py two") == ["two", ELISION, "", "end"]
 
 
-def test_a_variable_stands_for_a_path_both_ways(session):
-    (session.folder / "say.py").write_text("import sys\nprint(sys.argv[1])\n")
-    assert session.run("python say.py $DATA/a.csv") == ["$DATA/a.csv"]
+def test_the_commands_of_the_measured_stack_run_as_pasted(tmp_path):
+    page = (DOCS / "tutorial.md").read_text(encoding="utf-8")
+    commands = re.findall(
+        r"^\$ (.*)$", page.partition("\n## 2. ")[2].partition("\n## 3. ")[0], re.M
+    )
+    assert [command.split()[1] for command in commands] == ["fit", "compare", "discover"]
+    session = Session(tmp_path)
+    for command in commands[:2]:  # a search takes minutes; making the page runs it
+        assert session.run(command)
+    assert (tmp_path / "results" / "picma" / "compare" / "report.html").is_file()
 
 
 @over(
@@ -174,23 +179,3 @@ def test_a_command_that_fails_is_named(command, said, session):
 def test_an_unknown_page_is_refused(capsys):
     assert make(["nothing"]) == 2
     assert "no page is named 'nothing'" in capsys.readouterr().err
-
-
-def test_the_settings_shown_read_the_published_files(tmp_path):
-    """Tab-separated, without header or time: as the published files are."""
-    folder = example_folder("picma")
-    (settings,) = re.findall(
-        r"^```toml\n(.*?)^```$", TEMPLATES["tutorial"].read_text("utf-8"), re.M | re.S
-    )
-    (tmp_path / "dataset.toml").write_text(settings, encoding="utf-8")
-    for name, columns in (("identification", 7), ("validation", 11)):
-        table = np.load(folder / f"{name}.npz")
-        raw = np.zeros((len(table["u"]), columns))
-        raw[:, 0], raw[:, 4] = table["u"], table["y"]
-        np.savetxt(tmp_path / f"{name}.dat", raw, fmt="%.6f", delimiter="\t")
-    found = load(tmp_path, DataOptions(sampling_time_s=5e-3))
-    for ours, theirs in zip(found.records, load(folder).records, strict=True):
-        assert (ours.name, ours.role) == (theirs.name, theirs.role)
-        np.testing.assert_allclose(ours.u_V, theirs.u_V)
-        np.testing.assert_allclose(ours.y_um, theirs.y_um)
-        np.testing.assert_allclose(ours.t_s, theirs.t_s)

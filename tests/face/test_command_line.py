@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import rdpi_gym as rg
-from rdpi_gym import cli
+from rdpi_gym import cli, measurement
 from rdpi_gym.cli import main
 from rdpi_gym.plant import PlantModel
 from tests.looping import over
@@ -37,6 +37,12 @@ def run(*words):
 def test_fit(folder, tmp_path):
     run("fit", folder, "--plays", 5, "--skip", 0.001, "--out", tmp_path)
     model = rg.fit(rg.load(folder, skip_s=0.001), plays=5)
+    assert PlantModel.load(tmp_path / "model.json").to_dict() == model.plant.to_dict()
+
+
+def test_fit_of_an_example_with_options_of_data(tmp_path):
+    run("fit", "--example", "picma", "--plays", 3, "--skip", 2.0, "--out", tmp_path)
+    model = rg.fit(rg.load(measurement.example_folder("picma"), skip_s=2.0), plays=3)
     assert PlantModel.load(tmp_path / "model.json").to_dict() == model.plant.to_dict()
 
 

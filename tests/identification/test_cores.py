@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification.cores import CoreFit, fit_core
-from rdpi_gym.identification.kinds import choose_kind, orientation, same_models
+from rdpi_gym.identification.fitting import fit
+from rdpi_gym.identification.kinds import choose_kind, same_models
+from rdpi_gym.identification.plausibility import orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
@@ -201,6 +203,19 @@ def test_a_lag_and_a_creep_are_not_taken_for_another_kind() -> None:
     for beside, hidden in zip(found.chosen.plant.effects, effects, strict=True):
         for name, value in hidden.values.items():
             assert beside.values[name] == pytest.approx(value, rel=0.2)
+
+
+def test_a_fit_without_plays_offers_a_kind_that_turns_as_the_loops_do() -> None:
+    t = TS_S * np.arange(5000)
+    u = 10.0 * np.sin(2 * np.pi * t) * (0.3 + 0.1 * t)
+    for clockwise, width_um in ((True, 1.0), (False, 0.01)):
+        y = 2.0 * u + width_um * np.cos(2 * np.pi * t)
+        found = fit([Record("run", t, u, y, ts_s=TS_S)], 4)
+        assert [found.parameters[f"a_{k}"] for k in range(1, 5)] == [0.0] * 4
+        (warning,) = (w for w in found.warnings if "no play operator" in w)
+        assert ("the loops turn clockwise" in warning) == ("--core stop" in warning) == clockwise
+        assert warning.endswith("--core auto compares all kinds")
+        assert not any("δ2" in w or "at the bound" in w for w in found.warnings)
 
 
 def test_loops_that_enclose_no_area_turn_neither_way() -> None:

@@ -1,5 +1,6 @@
 """Files of a rig that the defaults do not read, in a real browser: none is a dead end."""
 
+import gzip
 import math
 
 import numpy as np
@@ -22,8 +23,30 @@ def dropped(name, header, separator=";", scale=1e3, columns=3):
     return {"name": name, "mimeType": "text/csv", "buffer": text.encode()}
 
 
-def record_of(page):
-    return page.tab.evaluate("fetch('/api/state').then(r => r.json()).then(s => s.records[0])")
+def test_a_strangers_file_is_one_click_from_the_first_card(browser, tmp_path):
+    """Other headers, ms, mV and nm, semicolons, decimal commas, compressed."""
+    made = dropped("messung.csv", "Zeit (ms);Steuerspannung (mV);Weg (nm)")
+    text = made["buffer"].replace(b".", b",")
+    packed = {
+        "name": "messung.csv.gz",
+        "mimeType": "application/gzip",
+        "buffer": gzip.compress(text),
+    }
+    with LabProcess(tmp_path / "session") as lab, LabPage(browser) as page:
+        page.open(lab)
+        page.tab.evaluate(
+            "addEventListener('click', (e) => { window.clicks = (window.clicks ?? 0) + e.isTrusted; }, true)"
+        )
+        page.drop([packed])
+        page.click("apply-columns-messung.csv.gz")
+        page.until_state("s.ranking && s.ranking.cards.some(c => c.state === 'tried')")
+        page.tab.locator("#cards > li").first.wait_for()
+        assert page.tab.evaluate("window.clicks") == 1
+        assert not page.tab.get_by_test_id("alert").is_visible()
+        page.click("cancel")
+    (record,) = rg.load(tmp_path / "session" / "data").records
+    assert (record.name, record.ts_s) == ("messung", pytest.approx(1e-3))
+    assert (np.ptp(record.u_V), np.ptp(record.y_um)) == pytest.approx((10.0, 16.0), rel=1e-3)
 
 
 def test_a_refused_file_in_an_empty_session_is_read_at_a_click(browser, tmp_path):

@@ -16,6 +16,28 @@ from tests.looping import over
 
 
 @over(
+    "header, toml, options, asked",
+    [
+        ("t,u,y", "", DataOptions(), "no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others"),
+        ("t,u [mm],y", "", DataOptions(), "no unit is given for y: taken as µm; --units y=UNIT gives others"),
+        ("t,u,F_kN", "", DataOptions(columns={"y": "F_kN"}), "no unit is given for u: taken as V; --units u=UNIT gives others"),
+        ("t,u [mV],y [nm]", "", DataOptions(), ""),
+        ("t,u,y", "", DataOptions(units={"u": "V", "y": "um"}), ""),
+        ("t,u,y", '[units]\nu = "V"\ny = "um"\n', DataOptions(), ""),
+        ("t,u,y", '[records.run.units]\nu = "V"\ny = "um"\n', DataOptions(), ""),
+        ("t,u,y", '[quantities]\ninput = {name = "shift", unit = "mm"}\noutput = {unit = "kN"}\n', DataOptions(), ""),
+    ],
+)  # fmt: skip
+def test_units_that_nothing_states_are_asked_for(
+    write, sine_lines, header, toml, options, asked
+) -> None:
+    write("dataset.toml", toml)
+    data = load(write("run.csv", "\n".join([header, *sine_lines()[1:], ""])), options)
+    assert data.units_assumed == asked
+    assert ("no unit is given" in data.describe()) == bool(asked)
+
+
+@over(
     "column, unit, factor",
     [
         ("t", "s", 1.0),

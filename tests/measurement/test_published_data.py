@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -28,13 +28,17 @@ def test_its_licence_and_source_lie_beside_it(picma) -> None:
 
 
 def test_the_example_is_the_published_record(picma) -> None:
-    published = Path(os.environ.get("RDPI_DATA", "absent")) / "picma"
-    if not published.is_dir():
-        pytest.skip(DATA_HINT)
-    for ours, theirs in zip(load(picma).records, load(published).records, strict=True):
-        assert (ours.name, ours.role, ours.ts_s) == (theirs.name, theirs.role, theirs.ts_s)
-        np.testing.assert_array_equal(ours.u_V, theirs.u_V)
-        np.testing.assert_array_equal(ours.y_um, theirs.y_um)
+    """Of the numbers that the columns of the published files hold."""
+    digests = {
+        record.name: hashlib.sha256(
+            record.u_V.astype("<f8").tobytes() + record.y_um.astype("<f8").tobytes()
+        ).hexdigest()
+        for record in load(picma).records
+    }
+    assert digests == {
+        "identification": "aa2c851195fab4429cdbebb228f4a57cdc69a0e43ad01cd23e0b9e07a1cab2c4",
+        "validation": "b198b0aa49db7a69b2e3d62e9e9c81e49c2d74ebb36ce441d72c2896b0b10b2f",
+    }
 
 
 def test_picma_records(picma) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import os
 import subprocess
@@ -9,7 +10,7 @@ import sys
 import tracemalloc
 import zipfile
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -19,6 +20,7 @@ from scipy.io import savemat
 
 from rdpi_gym.measurement import load, matlab
 from rdpi_gym.measurement.matlab import MatlabReader
+from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
 T = 0.02 * np.arange(40)
@@ -289,6 +291,58 @@ def test_text_and_dataset_toml(write, refusal, text, toml, said) -> None:
     line = refusal(write("run.csv", text))
     assert said in line
     assert len(line) < 400
+
+
+@over("name", ["run.csv.gz", "run.TXT.GZ", "run.dat.gz", "run.tsv.gz"])
+def test_a_compressed_text_is_read_as_the_text(tmp_path, write, name) -> None:
+    (tmp_path / name).write_bytes(gzip.compress(TEXT.encode()))
+    (plain,), (packed,) = load(write("plain.csv", TEXT)).records, load(tmp_path / name).records
+    assert packed.name == "run"
+    np.testing.assert_array_equal(packed.y_um, plain.y_um)
+
+
+@over(
+    "content, said",
+    [
+        (gzip.compress(TEXT.encode())[:-9], "cannot be read as gzip (Compressed file ended"),
+        (TEXT.encode(), "cannot be read as gzip (Not a gzipped file"),
+        (gzip.compress(gzip.compress(TEXT.encode())), "not UTF-8 text"),
+        (gzip.compress(b""), "the file ends before its first value"),
+        (b"", "the file ends before its first value"),
+    ],
+)
+def test_a_compressed_text_that_is_damaged(tmp_path, refusal, content, said) -> None:
+    (tmp_path / "run.csv.gz").write_bytes(content)
+    assert said in refusal(tmp_path / "run.csv.gz")
+
+
+def test_a_compressed_text_that_expands_beyond_its_file(tmp_path, refusal) -> None:
+    (tmp_path / "run.csv.gz").write_bytes(gzip.compress(bytes(2**28), 1))
+    with taking_at_most(2**27 + 2**26):
+        assert "expands to more than 128 MiB" in refusal(tmp_path / "run.csv.gz")
+
+
+def test_any_wrong_byte_of_a_compressed_text_is_read_or_refused(tmp_path) -> None:
+    path, whole = tmp_path / "run.csv.gz", gzip.compress(TEXT.encode(), mtime=0)
+    read = 0
+    for place in range(0, len(whole), 3):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+        with suppress(InputError):
+            load(path)
+            read += 1
+    assert read < 8  # fields of the header that mean nothing to a reader: the time, the system
+
+
+@over("name", ["run.gz", "run.npz.gz", "run.csv.gz.gz", "run.tar.gz", "run.zip", "run.csv.bz2"])
+def test_an_archive_of_another_kind_is_one_line(tmp_path, refusal, name) -> None:
+    (tmp_path / name).write_bytes(gzip.compress(TEXT.encode()))
+    assert "are not read; give a folder or one of .csv, " in refusal(tmp_path / name)
+
+
+def test_a_text_beside_its_compressed_copy_is_one_record_twice(tmp_path, write, refusal) -> None:
+    write("run.csv", TEXT)
+    (tmp_path / "run.csv.gz").write_bytes(gzip.compress(TEXT.encode()))
+    assert "are both record 'run'" in refusal(tmp_path)
 
 
 @over("kept", [1, 3, 5])

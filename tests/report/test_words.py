@@ -14,7 +14,7 @@ from rdpi_gym.report.discovery_page import write_discovery_page
 ROOT = Path(__file__).parents[2]
 ODD = (
     "to be told from", "told apart from", "earns its place", "earned its place", "No matter:",
-    "is hidden stands in", "Nothing to remark",
+    "is hidden stands in", "Nothing to remark", "is no noise: it", "ways to split", "What is left is",
 )  # fmt: skip
 
 

@@ -223,7 +223,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Split:
-    """One way to fit and to judge."""
+    """Records to fit and to judge by, of one cross-validation split."""
 
     name: str  # in words
     # Records with the samples that count
@@ -232,7 +232,7 @@ class Split:
 
 
 def splits(setting: Setting, quarters: bool) -> tuple[Split, ...]:
-    """Return the ways to split a data set beside the one that is given.
+    """Return the cross-validation splits of a data set beside the given one.
 
     Notes
     -----

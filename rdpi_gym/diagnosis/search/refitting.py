@@ -70,8 +70,7 @@ from rdpi_gym.diagnosis.suitability import (
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import JointFit
-from rdpi_gym.identification.kinds import orientation
-from rdpi_gym.identification.plausibility import check_motion, check_scale
+from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
 from rdpi_gym.identification.scale import data_scale, rate_spread
 from rdpi_gym.identification.stack import stack_records
 from rdpi_gym.measurement import Dataset, Record
