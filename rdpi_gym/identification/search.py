@@ -38,10 +38,8 @@ class Point(NamedTuple):
 def moving_plays(gram: Array, motion: float) -> BoolArray:
     """Say which regressors move by `motion` (rms, as a part of the command's) in some record."""
     squares = gram.diagonal(axis1=1, axis2=2)[:, :-1]
-    moving: BoolArray = ((squares >= motion * motion * squares[:, :1]) & (squares > 0.0)).any(
-        axis=0
-    )
-    return moving
+    moving: BoolArray = (squares >= motion * motion * squares[:, :1]) & (squares > 0.0)
+    return np.asarray(moving.any(axis=0))
 
 
 def project(gram: Array, n: int, bounds: Bounds) -> tuple[Array, BoolArray, float]:
