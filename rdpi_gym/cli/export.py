@@ -9,7 +9,6 @@ import typer
 from typer.core import TyperGroup
 
 import rdpi_gym as rg
-from baselines.learned.onnx_graph import told
 from rdpi_gym.cli.options import SeedOption, as_typed, expanded
 from rdpi_gym.support.command import check_folder
 from rdpi_gym.support.errors import InputError
@@ -54,6 +53,8 @@ def export_onnx(policy: str, belief: str | None = None, out: Path = Path("policy
     check_folder(out.parent)
     with as_typed(_TYPED):
         written = rg.export(policy, out, belief=belief)
+    from baselines.learned.onnx_graph import told  # kernels of all controllers come with it
+
     print(told(written))
 
 
