@@ -8,11 +8,15 @@ OUT ?= results/bench
 SEED ?= $(shell date +%Y%m%d)
 QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines
 
-# Tests run in two processes: threads of BLAS and OpenMP beside them would wait for each other on two cores.
-check test test-all: export OMP_NUM_THREADS = 1
-check test test-all: export OPENBLAS_NUM_THREADS = 1
+PYTHONS ?= 3.11 3.12 3.13 3.14
+MATRIX := uv run --no-project --isolated --with-editable '.[lab,minari,test,tune]'
+FIRST_TIER := pytest -n 2 --dist worksteal -m "not slow" tests
 
-.PHONY: audit bench check test test-all fuzz docs clean
+# Tests run in two processes: threads of BLAS and OpenMP beside them would wait for each other on two cores.
+check test test-all matrix: export OMP_NUM_THREADS = 1
+check test test-all matrix: export OPENBLAS_NUM_THREADS = 1
+
+.PHONY: audit bench check test test-all matrix fuzz docs clean
 
 bench: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
@@ -32,6 +36,13 @@ check: .venv/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2 -q -m "not slow" $(QUICK)
+
+# The first tier on each Python and on the oldest dependencies, each installed apart by uv; torch is left out.
+matrix: $(PYTHONS:%=matrix-%)
+	$(MATRIX) --python $(firstword $(PYTHONS)) --resolution lowest-direct $(FIRST_TIER)
+
+matrix-%:
+	$(MATRIX) --python $* $(FIRST_TIER)
 
 # A night's attacks on every reader; the seed is that of the day, and is printed.
 fuzz: .venv/.dev

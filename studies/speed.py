@@ -25,6 +25,7 @@ from typing import Any, cast
 import gymnasium as gym
 import numpy as np
 import pandas as pd
+from gymnasium.utils.performance import benchmark_vector_step
 from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -52,13 +53,8 @@ _AS_TRAINED: dict[str, Any] = {
 }  # fmt: skip
 Environment = VectorEnv[Any, Any, Any]
 Measure = Callable[[Any, float, int], float]
-
-
-def _benchmark(env: Environment, duration_s: float, seed: int) -> float:
-    """Measure by Gymnasium's own function, which releases before 1.4 lack; any number of seconds works."""
-    from gymnasium.utils.performance import benchmark_vector_step
-
-    return cast(Measure, benchmark_vector_step)(env, duration_s, seed)
+# Declared for whole seconds; any number of them works.
+_benchmark: Measure = cast(Any, benchmark_vector_step)
 
 
 def step_beforehand(env: Environment, duration_s: float, seed: int) -> float:

@@ -143,6 +143,22 @@ def imported_once():
     )
 
 
+@cache
+def word_counts():
+    """Words of every page by its path: marks of tables and rules are none."""
+    pages = [*ROOT.glob("*.md")]
+    for folder in ("docs", "examples", "studies"):
+        pages += (ROOT / folder).rglob("*.md")
+    made = (ROOT / "docs" / "api" / "generated", ROOT / "docs" / "gallery")  # by `make docs`
+    return {
+        path.relative_to(ROOT).as_posix(): sum(
+            re.search(r"\w", word) is not None for word in path.read_text(encoding="utf-8").split()
+        )
+        for path in pages
+        if not any(map(path.is_relative_to, made))
+    }
+
+
 def sizes():
     """The table of sizes by name."""
     trees = {name: _trees(path) for name, path in modules().items()}
@@ -170,6 +186,7 @@ def sizes():
         "circles": len(circles()),
         "upward imports": len(upward_imports()),
         "test lines": sum(path.read_text(encoding="utf-8").count("\n") for path in tests),
+        "words of the longest page": max(word_counts().values()),
         "tests of the first tier": _collected("not slow", "tests"),
         "tests of the second tier": _collected("slow"),
     }

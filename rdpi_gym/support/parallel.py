@@ -137,7 +137,7 @@ def _cluster(address: str) -> Iterator[None]:
         # Ray puts the current folder on the path of every worker: let it be one that is there already
         with chdir(Path(__file__).parents[2]):
             ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, RuntimeError, ValueError) as error:
+    except (AssertionError, ConnectionError, RuntimeError, ValueError) as error:
         raise _unreachable(address, error) from error
     try:
         yield

@@ -154,7 +154,7 @@ def test_the_list_of_records_is_printed_once(session):
 def test_the_commands_of_the_measured_stack_run_as_pasted(tmp_path):
     page = (DOCS / "tutorial.md").read_text(encoding="utf-8")
     commands = re.findall(
-        r"^\$ (.*)$", page.partition("\n## 2. ")[2].partition("\n## 3. ")[0], re.M
+        r"^\$ (.*)$", page.partition("\n## 1. ")[2].partition("\n## 2. ")[0], re.M
     )
     assert [command.split()[1] for command in commands] == ["fit", "compare", "discover"]
     session = Session(tmp_path)

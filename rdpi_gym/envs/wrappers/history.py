@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import gymnasium as gym
 import numpy as np
@@ -19,10 +19,6 @@ from rdpi_gym.support.checks import is_whole, shown
 from rdpi_gym.support.errors import InputError
 
 Floats: TypeAlias = NDArray[Any]  # float32, as observations are
-if TYPE_CHECKING:
-    FloatsVectorWrapper: TypeAlias = VectorWrapper[Floats, NDArray[Any], Floats, NDArray[Any], Any]
-else:  # generic from Gymnasium 1.4 on
-    FloatsVectorWrapper = VectorWrapper
 
 
 @dataclass(frozen=True)
@@ -167,7 +163,7 @@ class HistoryObservation(
         return stacked, float(reward), terminated, truncated, info
 
 
-class VectorHistoryObservation(FloatsVectorWrapper):
+class VectorHistoryObservation(VectorWrapper[Floats, NDArray[Any], Floats, NDArray[Any], Any]):
     """The vector twin of :class:`HistoryObservation`, for every way of autoreset.
 
     Parameters

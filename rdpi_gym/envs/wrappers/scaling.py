@@ -10,13 +10,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
-from gymnasium.vector import VectorEnv
+from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.wrappers.history import (
     Floats,
-    FloatsVectorWrapper,
     History,
     HistoryObservation,
     VectorHistoryObservation,
@@ -143,7 +142,7 @@ class ScaledObservation(
         return np.asarray(scaled)
 
 
-class VectorScaledObservation(FloatsVectorWrapper):
+class VectorScaledObservation(VectorWrapper[Floats, NDArray[Any], Floats, NDArray[Any], Any]):
     """The vector twin of :class:`ScaledObservation`, for every way of autoreset.
 
     Parameters
