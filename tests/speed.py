@@ -2,7 +2,8 @@
 
 Two processes, one with this checkout and one with the revision in a temporary folder, do the same small
 jobs, one after the other and round after round, after a first one that compiles: of one thread the
-processor's time, of vectors and an import the clock's. The ratio is that of
+processor's time, of vectors and an import the clock's, of discoveries of two effects both, of their
+processes together. The ratio is that of
 the shortest times, this checkout over the revision; beside it stands the median of the rounds' ratios.
 """
 
@@ -19,11 +20,13 @@ from tests.house import PACKAGES, ROOT
 
 JOBS = {
     "import": 5, "env.step": 30, "env.reset": 30, "vector step, 256": 30, "vector step, 4096": 30,
-    "vector reset, 256": 15, "fit": 7, "discover": 3, "benchmark": 3,
+    "vector reset, 256": 15, "fit": 7, "discover": 3, "two effects, 1 job": 1,
+    "two effects, 2 jobs": 1, "benchmark": 3,
 }  # fmt: skip
 """Rounds of each job."""
 CHILD = """
-import json, subprocess, sys, time
+import json, os, subprocess, sys, time
+from pathlib import Path
 import gymnasium as gym, numpy as np
 import rdpi_gym as rg
 
@@ -78,6 +81,27 @@ def timed(job):
     job()
     return time.process_time() - began
 
+def processor_s():
+    # of this process and those that it started
+    ticks = 0
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended
+            continue
+        if str(os.getpid()) in (fields[1], stat.parent.name):
+            ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+two = []
+
+def two_effects(count):
+    if not two:
+        two.append(rg.simulate("P5", hide=["creep", "saturation"], seed=1))
+    used, began = processor_s(), time.perf_counter()
+    rg.discover(two[0], jobs=count)
+    return time.perf_counter() - began, processor_s() - used
+
 jobs = {
     "import": imported,
     "env.step": env_step,
@@ -87,6 +111,8 @@ jobs = {
     "vector reset, 256": vector_reset,
     "fit": lambda: timed(lambda: rg.fit(data)),
     "discover": lambda: timed(lambda: rg.discover(hidden, jobs=1)),
+    "two effects, 1 job": lambda: two_effects(1),
+    "two effects, 2 jobs": lambda: two_effects(2),
     "benchmark": lambda: timed(lambda: rg.benchmark(
         ["none", "classical-static"], plants=["P5"], references=["sine"], ts_s=[1e-3], seeds=1, jobs=1)),
 }
@@ -113,10 +139,11 @@ class Tree:
     def _answer(self):
         return json.loads(self.process.stdout.readline())
 
-    def seconds(self, job: str) -> float:
-        """The time that a job takes there (s)."""
+    def seconds(self, job: str) -> list[float]:
+        """The time that a job takes there (s); of some the processor's beside it."""
         print(json.dumps(job), file=self.process.stdin, flush=True)
-        return self._answer()
+        answer = self._answer()
+        return answer if isinstance(answer, list) else [answer]
 
     def end(self) -> None:
         """Let the process end."""
@@ -145,15 +172,17 @@ def main() -> None:
                 tree.seconds(job)
             count = max(1, round(rounds * asked.rounds))
             # each is first in half of the rounds
-            times = [[0.0, 0.0] for _ in range(count)]
+            times = [[[0.0], [0.0]] for _ in range(count)]
             for k, row in enumerate(times):
                 for which in (0, 1) if k % 2 else (1, 0):
                     row[which] = trees[which].seconds(job)
-            here, there = (min(row[which] for row in times) for which in (0, 1))
-            middle = statistics.median(own / other for own, other in times)
-            print(
-                f"{job:20}{here:8.4g} s{there:10.4g} s{here / there:8.3f}{middle:8.3f}", flush=True
-            )
+            for k, name in enumerate((job, "  its processes")[: len(times[0][0])]):
+                here, there = (min(row[which][k] for row in times) for which in (0, 1))
+                middle = statistics.median(own[k] / other[k] for own, other in times)
+                print(
+                    f"{name:20}{here:8.4g} s{there:10.4g} s{here / there:8.3f}{middle:8.3f}",
+                    flush=True,
+                )
         for tree in trees:
             tree.end()
 

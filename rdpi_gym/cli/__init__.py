@@ -23,6 +23,7 @@ COMMANDS = {
     "lab": "lab",
     "simulate": "models",
     "effects": "models",
+    "warm": "models",
     "collect": "training",
     "train": "training",
     "tune": "training",

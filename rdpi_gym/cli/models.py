@@ -187,3 +187,14 @@ def effects(
         print(*rest, sep="\n")
     if out is not None:
         print(*rg.effects.write(out, *([] if name is None else [name])), sep="\n")
+
+
+def warm() -> None:
+    """Compile every kernel that the commands use, once per installation: for images and CI.
+
+    Kernels are kept beside the package, or in the folder that NUMBA_CACHE_DIR names.
+    """
+    with progress_bar() as show:
+        table = rg.warm(progress=show)
+    print_table(table)
+    print(f"{table['kernels'].sum()} kernels compiled in {table['compiled_s'].sum():.0f} s")

@@ -53,3 +53,4 @@ from rdpi_gym.face.training import sweep as sweep
 from rdpi_gym.face.training import train as train
 from rdpi_gym.face.training import training_options as training_options
 from rdpi_gym.face.training import tune as tune
+from rdpi_gym.face.warming import warm as warm

@@ -7,9 +7,10 @@ common: a change behind the plays does not run the plays again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic
+from typing import Any, Generic, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant.chain import (
     ACTS_ON,
     BEHIND,
+    CHAIN,
     DISPLACEMENT,
     FRONT,
     Link,
@@ -27,9 +29,9 @@ from rdpi_gym.plant.chain import (
     walk,
 )
 from rdpi_gym.plant.cores.base import Core, empty_state, pack
-from rdpi_gym.plant.cores.play import play
+from rdpi_gym.plant.cores.play import play, rate_block
 from rdpi_gym.plant.cores.rdpi import RDPI
-from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.plant.model import AnyCore
 from rdpi_gym.plant.plant import Stage, core_links
 from rdpi_gym.support.arrays import Array
@@ -70,18 +72,24 @@ def _front(variants: Sequence[Variant[Any]], record: Record) -> tuple[Array, Arr
     u = np.full((record.u_V.size, lanes), record.u_V[:, None])
     hysteresis = [variant.hysteresis for variant in variants]
     parameters = pack(hysteresis, record.ts_s, [0.0] * lanes)
-    state = empty_state(hysteresis[0].n, lanes)
+    state = _begun_state(variants, record)
+    links = _links(variants, record, FRONT) | core_links(
+        variants[0].hysteresis, parameters, state, record.ts_s
+    )
+    u, v, _ = walk(in_order(links, FRONT), [u, None, None])
+    return u, v, parameters, state
+
+
+def _begun_state(variants: Sequence[Variant[Any]], record: Record) -> Array:
+    """State of the core of each variant at the beginning of a record."""
+    state = empty_state(variants[0].hysteresis.n, len(variants))
     state[0] = np.nan
     for lane, variant in enumerate(variants):
         for effect in variant.effects:
             if effect.slot == "memory":
                 turns = effect.turns_from(float(record.u_V[0]))
                 state[2:, lane] = variant.hysteresis.settled(turns)
-    links = _links(variants, record, FRONT) | core_links(
-        variants[0].hysteresis, parameters, state, record.ts_s
-    )
-    u, v, _ = walk(in_order(links, FRONT), [u, None, None])
-    return u, v, parameters, state
+    return state
 
 
 def simulate_effects(variants: Sequence[Variant[Any]], record: Record) -> Array:
@@ -185,78 +193,169 @@ def _difference_rows(
         rows[j, scale.shape[0]] = measured[kept[j]] - here
 
 
-def jacobian_rows(
-    base: Variant[Any],
-    changed: Sequence[Variant[Any]],
-    steps: Array,
-    gain_steps: Array,
-    record: Record,
-    kept: NDArray[np.intp],
-) -> Array:
-    """Derivatives of the displacement over a record, and what the plant leaves of it."""
-    kept, record = kept + record.before_V.size, record.with_history
-    order, ahead, behind = _parted(base, changed)
-    u, v, parameters, state = _front([base, *ahead], record)
-    core, first = base.hysteresis, len(gain_steps) + 1
-    memory, front_u, front_v = state[2:, 0].copy(), u[:, 0].copy(), v[:, 0].copy()
-    ahead_u, ahead_y = np.ascontiguousarray(u[:, 1:]), np.empty((len(u), len(ahead)))
-    ahead_state = np.ascontiguousarray(state[:, 1:])
-    type(core).block(
-        ahead_u, np.ascontiguousarray(v[:, 1:]), np.ascontiguousarray(parameters[:, 1:]),
-        ahead_state, ahead_y,
-    )  # fmt: skip
-    lanes = [base, *_gains_changed(base, gain_steps), *ahead, *behind]
-    behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
-    core_lanes = _core_lanes(core, front_u, front_v, memory, gain_steps)
-    scale = 1.0 / np.concatenate([gain_steps, steps[order]])
-    rows = np.empty((len(kept), len(lanes)))
-    done = 0
-    for start in range(0, len(record.u_V), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        x = np.empty((len(front_u[part]), len(lanes)))
-        core_lanes(part, x)
-        x[:, first : first + len(ahead)] = ahead_y[part]
-        x[:, first + len(ahead) :] = x[:, :1]
-        if behind_core:
-            commands = np.full((len(x), len(lanes)), front_u[part, None])
-            commands[:, first : first + len(ahead)] = ahead_u[part]
-            x = walk(behind_core, [commands, None, x])[DISPLACEMENT]
-        end = done + int(np.searchsorted(kept[done:], start + len(x)))
-        _difference_rows(
-            x, record.y_um[part], kept[done:end] - start, scale, order, rows[done:end]
+class Neighbours:
+    """A variant and others of one number changed each, as lanes over records.
+
+    A lane runs from the stage at which it begins to differ: up to there it is that of the variant
+    itself. What does not depend on a record is made once.
+
+    Parameters
+    ----------
+    base
+        The variant.
+    changed, steps
+        The others, and by how much the number of each is changed.
+    gain_steps
+        Steps of the gains of the core, for the derivatives by them.
+    """
+
+    def __init__(
+        self,
+        base: Variant[Any],
+        changed: Sequence[Variant[Any]],
+        steps: Array,
+        gain_steps: Array | None = None,
+    ) -> None:
+        parting = [_parting(base, variant) for variant in changed]
+        order = sorted(range(len(changed)), key=parting.__getitem__)
+        self._order = np.array(order, dtype=np.intp)
+        self._scale, self._gain_steps = 1.0 / steps[self._order], gain_steps
+        self._lanes = [base, *(changed[k] for k in order)]
+        self._parting = [_ALWAYS, *(parting[k] for k in order)]
+        self._ahead = bisect_left(self._parting, _CORE)
+        self._stages = _Stages(self._lanes, self._parting, self._ahead)
+        self._parameters: dict[float, Array] = {}
+        if gain_steps is not None:
+            ahead, behind = self._lanes[1 : self._ahead], self._lanes[self._ahead :]
+            lanes = [base, *_gains_changed(base, gain_steps), *ahead, *behind]
+            self._wide = _Stages(lanes, [_ALWAYS] * len(lanes), len(lanes))
+
+    def _front(self, record: Record) -> tuple[Array, Array, Array, Array]:
+        """Commands and rates ``[T, F]`` of the lanes that differ in front, parameters and states."""
+        lanes = self._lanes[: self._ahead]
+        if record.ts_s not in self._parameters:
+            hysteresis = [lane.hysteresis for lane in lanes]
+            self._parameters[record.ts_s] = pack(hysteresis, record.ts_s, [0.0] * len(lanes))
+        parameters = self._parameters[record.ts_s]
+        state = _begun_state(lanes, record)
+        u = np.full((record.u_V.size, 1), record.u_V[:, None])
+        for width, stage in self._stages.at(record, ("input",)):
+            u = stage.run([_widened(u, width)])
+        u = _widened(u, len(lanes))
+        v = np.empty_like(u)
+        rate_block(u, parameters, state, record.ts_s, v)
+        for _, stage in self._stages.at(record, ("rate",)):
+            v = stage.run([u, v])
+        return u, v, parameters, state
+
+    def derivatives(self, record: Record, kept: NDArray[np.intp]) -> Array:
+        """Derivatives of the displacement at samples of a record, and what the plant leaves of it.
+
+        Columns are those of the gains and of the other numbers, one more for the residual.
+        """
+        assert self._gain_steps is not None
+        kept, record = kept + record.before_V.size, record.with_history
+        u, v, parameters, state = self._front(record)
+        core, first = self._lanes[0].hysteresis, len(self._gain_steps) + 1
+        ahead, count = self._ahead - 1, first + len(self._lanes) - 1
+        memory, front_u, front_v = state[2:, 0].copy(), u[:, 0].copy(), v[:, 0].copy()
+        ahead_u, ahead_y = np.ascontiguousarray(u[:, 1:]), np.empty((len(u), ahead))
+        ahead_state = np.ascontiguousarray(state[:, 1:])
+        type(core).block(
+            ahead_u, np.ascontiguousarray(v[:, 1:]), np.ascontiguousarray(parameters[:, 1:]),
+            ahead_state, ahead_y,
         )  # fmt: skip
-        done = end
-    return rows
+        behind_core = self._wide.at(record, _SLOTS_BEHIND)
+        core_lanes = _core_lanes(core, front_u, front_v, memory, self._gain_steps)
+        scale = np.concatenate([1.0 / self._gain_steps, self._scale])
+        rows = np.empty((len(kept), count))
+        done = 0
+        for start in range(0, len(record.u_V), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            x = np.empty((len(front_u[part]), count))
+            core_lanes(part, x)
+            x[:, first : first + ahead] = ahead_y[part]
+            x[:, first + ahead :] = x[:, :1]
+            if behind_core:
+                commands = np.full((len(x), count), front_u[part, None])
+                commands[:, first : first + ahead] = ahead_u[part]
+                for _, stage in behind_core:
+                    x = stage.run([commands, commands, x])
+            end = done + int(np.searchsorted(kept[done:], start + len(x)))
+            _difference_rows(
+                x, record.y_um[part], kept[done:end] - start, scale, self._order, rows[done:end]
+            )  # fmt: skip
+            done = end
+        return rows
+
+    def changes(self, record: Record, kept: NDArray[np.intp]) -> Array:
+        """Return the same without the columns of the gains: a few lanes, not dozens."""
+        kept, record = kept + record.before_V.size, record.with_history
+        u, v, parameters, state = self._front(record)
+        x = np.empty_like(u)
+        type(self._lanes[0].hysteresis).block(u, v, parameters, state, x)
+        for width, stage in self._stages.at(record, _SLOTS_BEHIND):
+            u = _widened(u, width)
+            x = stage.run([u, u, _widened(x, width)])
+        x = _widened(x, len(self._lanes))
+        rows = np.empty((len(kept), len(self._lanes)))
+        _difference_rows(x, record.y_um, kept, self._scale, self._order, rows)
+        return rows
 
 
-def change_rows(
-    base: Variant[Any],
-    changed: Sequence[Variant[Any]],
-    steps: Array,
-    record: Record,
-    kept: NDArray[np.intp],
-) -> Array:
-    """Return :func:`jacobian_rows` without the columns of the weights: a few lanes, not dozens."""
-    kept, record = kept + record.before_V.size, record.with_history
-    order, ahead, behind = _parted(base, changed)
-    u, v, parameters, state = _front([base, *ahead], record)
-    x = np.empty_like(u)
-    type(base.hysteresis).block(u, v, parameters, state, x)
-    lanes = [base, *ahead, *behind]
-    behind_core = in_order(_links(lanes, record, BEHIND), BEHIND)
-    if behind:
-        x, u = _widened(x, len(lanes)), _widened(u, len(lanes)) if behind_core else u
-    x = walk(behind_core, [u, None, x])[DISPLACEMENT]
-    rows = np.empty((len(kept), len(lanes)))
-    _difference_rows(x, record.y_um, kept, 1.0 / steps[order], order, rows)
-    return rows
+# Where lanes part: a place of the chain, and of the effects which.
+_Parting: TypeAlias = tuple[int, int]
+_SLOTS_BEHIND: tuple[Slot, ...] = ("hysteresis", "output")
+_ALWAYS: _Parting = (-1, 0)
+_CORE: _Parting = (CHAIN.index("core"), -1)
+
+
+def _parting(base: Variant[Any], variant: Variant[Any]) -> _Parting:
+    """Return where a variant begins to differ: with another core at once, as effects may read it."""
+    if variant.hysteresis is not base.hysteresis and variant.hysteresis != base.hysteresis:
+        return _ALWAYS
+    pairs = enumerate(zip(base.effects, variant.effects, strict=True))
+    places = [(CHAIN.index(a.slot), k) for k, (a, b) in pairs if a is not b and a != b]
+    return min(places, default=(len(CHAIN), 0))
+
+
+class _Stages:
+    """Stages of lanes, those of one sampling time made once; each has the lanes parted up to it.
+
+    Those of the rate have all that part in front of the core.
+    """
+
+    def __init__(
+        self, lanes: Sequence[Variant[Any]], parting: Sequence[_Parting], ahead: int
+    ) -> None:
+        self._lanes, self._parting, self._ahead = lanes, parting, ahead
+        self._made: dict[tuple[float, Sequence[Slot]], list[tuple[int, Stage]]] = {}
+
+    def at(self, record: Record, slots: Sequence[Slot]) -> list[tuple[int, Stage]]:
+        """Return the stages in some slots, with their number of lanes, at a record's beginning."""
+        key = record.ts_s, slots
+        if key not in self._made:
+            self._made[key] = [made for slot in slots for made in self._make(slot, record.ts_s)]
+        for _, stage in self._made[key]:
+            stage.state[:] = np.nan
+            if stage.slot in BEHIND:
+                stage.start(record.t_s[0])
+        return self._made[key]
+
+    def _make(self, slot: Slot, ts_s: float) -> Iterator[tuple[int, Stage]]:
+        for k, effect in enumerate(self._lanes[0].effects):
+            if effect.slot == slot:
+                width = bisect_right(self._parting, (CHAIN.index(slot), k))
+                lanes = self._lanes[: self._ahead if slot == "rate" else width]
+                column = [lane.effects[k] for lane in lanes]
+                yield len(lanes), Stage(column, [lane.hysteresis for lane in lanes], ts_s)
 
 
 def _widened(x: Array, lanes: int) -> Array:
     """Lanes ``[T, F]``, and lane 0 again in each further one."""
-    wide = np.empty((len(x), lanes))
-    wide[:, : x.shape[1]] = x
-    wide[:, x.shape[1] :] = x[:, :1]
+    if x.shape[1] == lanes:
+        return x
+    wide: Array = x.take([*range(x.shape[1]), *[0] * (lanes - x.shape[1])], axis=1)
     return wide
 
 
@@ -271,25 +370,6 @@ def centre(rows: Array) -> None:
     for t in range(rows.shape[0]):
         for k in range(rows.shape[1]):
             rows[t, k] -= mean[k]
-
-
-def _parted(
-    base: Variant[Any], changed: Sequence[Variant[Any]]
-) -> tuple[NDArray[np.intp], list[Variant[Any]], list[Variant[Any]]]:
-    """Variants that differ in front of the plays and behind, and the places of both in this order."""
-    ahead, behind = list[int](), list[int]()
-    for k, variant in enumerate(changed):
-        (ahead if _changes_front(base, variant) else behind).append(k)
-    order = np.array(ahead + behind, dtype=np.intp)
-    return order, [changed[k] for k in ahead], [changed[k] for k in behind]
-
-
-def _changes_front(base: Variant[Any], variant: Variant[Any]) -> bool:
-    """Whether a variant differs in front of the plays or in the core."""
-    if variant.hysteresis is not base.hysteresis and variant.hysteresis != base.hysteresis:
-        return True
-    pairs = zip(base.effects, variant.effects, strict=True)
-    return any(a is not b and a.slot in FRONT and a != b for a, b in pairs)
 
 
 def _core_lanes(

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
-from rdpi_gym.identification.jacobian import Variant, centre, change_rows, jacobian_rows
+from rdpi_gym.identification.jacobian import Neighbours, Variant, centre
 from rdpi_gym.identification.least_squares import BoolArray, signed_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
@@ -250,12 +250,12 @@ class _Problem:
 
     def whole_pass(self, variant: Variant[Any]) -> _Pass:
         """Derivatives by every weight and every free number."""
-        changed, steps = self._neighbours(variant)
         gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
         n_weights = len(variant.hysteresis.gains)
+        lanes = Neighbours(variant, *self._neighbours(variant), gain_steps)
         columns, changes = [], []
         for record, kept in zip(self.records, self.kept, strict=True):
-            rows = jacobian_rows(variant, changed, steps, gain_steps, record, kept)
+            rows = lanes.derivatives(record, kept)
             centre(rows)
             columns.append(rows[:, :n_weights])
             changes.append(rows[:, n_weights:])
@@ -270,10 +270,10 @@ class _Problem:
         self, variant: Variant[Any], columns: Sequence[Array], squares: Sequence[Array]
     ) -> _Pass:
         """Return the same with given derivatives by the weights and their Gram matrices."""
-        changed, steps = self._neighbours(variant)
+        lanes = Neighbours(variant, *self._neighbours(variant))
         changes = []
         for record, kept in zip(self.records, self.kept, strict=True):
-            rows = change_rows(variant, changed, steps, record, kept)
+            rows = lanes.changes(record, kept)
             centre(rows)
             changes.append(rows)
         return _products(variant, self.free, columns, changes, squares, self.price)

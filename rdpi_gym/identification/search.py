@@ -38,10 +38,8 @@ class Point(NamedTuple):
 def moving_plays(gram: Array, motion: float) -> BoolArray:
     """Say which regressors move by `motion` (rms, as a part of the command's) in some record."""
     squares = gram.diagonal(axis1=1, axis2=2)[:, :-1]
-    moving: BoolArray = ((squares >= motion * motion * squares[:, :1]) & (squares > 0.0)).any(
-        axis=0
-    )
-    return moving
+    moving = (squares >= motion * motion * squares[:, :1]) & (squares > 0.0)
+    return np.asarray(moving.any(axis=0))
 
 
 def project(gram: Array, n: int, bounds: Bounds) -> tuple[Array, BoolArray, float]:
@@ -109,7 +107,8 @@ def _step(
     free = np.empty(size, dtype=np.bool_)
     for i in range(size):
         free[i] = passive[i - nonlinear] if i >= nonlinear else free_memory or i < 2
-    for _ in range(2):  # again without those that would leave their bounds
+    left, again = True, False
+    while left:
         k = np.int64(0)  # a literal would compile the solver twice
         for i in range(size):
             step[i] = 0.0
@@ -126,12 +125,11 @@ def _step(
             for i in range(k):
                 step[index[i]] = rhs[i] * scale[i]
         left = False
-        for p in range(nonlinear):
+        for p in range(0 if again else nonlinear):
             at_low = theta[p] <= low[p] and step[p] < 0.0
             if at_low or (theta[p] >= high[p] and step[p] > 0.0):
                 free[p], left = False, True
-        if not left:
-            break
+        again = True  # without those that would leave their bounds
     place, expected = np.empty(nonlinear), np.empty(size - nonlinear)
     for p in range(nonlinear):
         place[p] = min(max(theta[p] + step[p], low[p]), high[p])

@@ -7,9 +7,11 @@ import os
 import socket
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import chdir, contextmanager
+from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TypeVar
@@ -26,6 +28,8 @@ C = TypeVar("C")
 R = TypeVar("R")
 
 _PATIENCE_S = 5.0
+# Work (s) from which on processes pay: each takes 1.5 s to import and to load kernels.
+_WORTH_S = 4.0
 
 
 def run_cases(
@@ -59,6 +63,54 @@ def run_cases(
         finally:
             if results is not None:
                 _leave(results)
+
+
+class Pool:
+    """Processes of one search, started once it has enough to do for them.
+
+    Examples
+    --------
+    >>> Pool(jobs=2).map(abs, [-1, 2])
+    [1, 2]
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self._started = jobs, jobs == 1
+
+    def map(
+        self,
+        function: Callable[[C], R],
+        cases: Sequence[C],
+        seen: Callable[[R], None] = lambda result: None,
+    ) -> list[R]:
+        """Return the results in the order of the cases; each is `seen` as soon as it is there."""
+        results: dict[int, R] = {}
+        began = time.perf_counter()
+
+        def spent_s() -> float:
+            return time.perf_counter() - began
+
+        while len(results) < len(cases):
+            done, left = len(results), len(cases) - len(results)
+            if self._jobs != 1 and left > 1:
+                self._started = self._started or spent_s() * left > _WORTH_S * done > 0
+                if self._started:
+                    break
+            results[done] = function(cases[done])
+            seen(results[done])
+        rest = list(enumerate(cases))[len(results) :]
+        for place, result in run_cases(partial(_numbered, function), rest, self._jobs):
+            results[place] = result
+            seen(result)
+        return [results[place] for place in range(len(cases))]
+
+
+def _numbered(function: Callable[[C], R], case: tuple[int, C]) -> tuple[int, R]:
+    return case[0], function(case[1])
+
+
+ALONE = Pool(1)
+"""No process beside this one."""
 
 
 @contextmanager

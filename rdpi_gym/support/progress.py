@@ -29,6 +29,7 @@ def progress_bar() -> Iterator[Progress]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
+    from rdpi_gym.support.compiling import Compilations, compilations
     from rdpi_gym.support.terminal import console
 
     columns = (
@@ -40,6 +41,9 @@ def progress_bar() -> Iterator[Progress]:
     with Bar(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=None)
         last = ""
+
+        def compiled(found: Compilations) -> None:
+            bar.update(task, description=found.title if found.depth else last, refresh=True)
 
         def show(stage: str, done: int, total: int) -> None:
             nonlocal last
@@ -53,4 +57,5 @@ def progress_bar() -> Iterator[Progress]:
                 total=total or None,
             )
 
-        yield show
+        with compilations(compiled):
+            yield show

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.identification.jacobian import Variant, jacobian_rows
+from rdpi_gym.identification.jacobian import Neighbours, Variant
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
@@ -104,7 +104,7 @@ def _products(
 ) -> tuple[Array, Array, float]:  # fmt: skip
     """Gram matrix, right-hand side and total of a record, its offset taken out."""
     gain_steps = np.full(len(base.hysteresis.gains), _STEP * base.hysteresis.a0)
-    rows = jacobian_rows(base, changed, steps, gain_steps, record, kept)
+    rows = Neighbours(base, changed, steps, gain_steps).derivatives(record, kept)
     columns = np.column_stack([rows[:, :-1], more])
     columns -= columns.mean(axis=0)
     target = difference[kept] - difference[kept].mean()

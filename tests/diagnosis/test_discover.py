@@ -178,6 +178,13 @@ def test_the_model_found_runs_as_a_plant(found, lagging, tmp_path):
     assert np.std(left) < 1.5 * NOISE_UM
 
 
+@pytest.mark.slow
+def test_the_number_of_processes_changes_no_number(found, lagging, monkeypatch):
+    monkeypatch.setattr("rdpi_gym.support.parallel._WORTH_S", 1e-9)
+    apart = discover(lagging, catalogue=FEW, jobs=2).to_dict() | {"seconds": 0.0}
+    assert apart == found.to_dict() | {"seconds": 0.0}
+
+
 def test_the_files_hold_json_and_the_promised_keys(found):
     document = found.to_dict()
     assert json.loads(json.dumps(document, allow_nan=False))["format"] == "rdpi-discovery"

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
+from rdpi_gym.identification.jacobian import Neighbours, Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.effects import load_effect
@@ -24,7 +24,8 @@ def test_a_fit_steps_the_weights_of_plays_between_envelopes_too():
     base = Variant(core, in_chain_order(effects))
     faster = replace(base, hysteresis=replace(core, delta2_s=2e-4))
     gain_steps = np.full(len(core.gains), 1e-3)
-    rows = jacobian_rows(base, [faster], np.array([1e-4]), gain_steps, record, np.arange(u.size))
+    lanes = Neighbours(base, [faster], np.array([1e-4]), gain_steps)
+    rows = lanes.derivatives(record, np.arange(u.size))
     y = simulate_effects([base], record)[:, 0]
     for k in range(3):
         stepped = (*core.weights[:k], core.weights[k] + 1e-3, *core.weights[k + 1 :])

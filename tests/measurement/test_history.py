@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification import simulate_record
-from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
+from rdpi_gym.identification.jacobian import Neighbours, Variant, simulate_effects
 from rdpi_gym.measurement import DataOptions, Record, load
 from rdpi_gym.plant import P5, Plant
 from rdpi_gym.plant.effects import CATALOGUE
@@ -31,7 +31,7 @@ def test_a_record_with_its_history_runs_as_the_end_of_the_whole():
     kept = np.arange(0, len(late.u_V), 3)
     gain_steps = np.full(len(P5.hysteresis.gains), 1e-4)
     rows = [
-        jacobian_rows(variant, [changed], np.array([0.005]), gain_steps, record, at)
+        Neighbours(variant, [changed], np.array([0.005]), gain_steps).derivatives(record, at)
         for record, at in ((late, kept), (whole, kept + EARLY))
     ]
     np.testing.assert_allclose(*rows, rtol=1e-9, atol=1e-9)

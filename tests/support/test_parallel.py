@@ -11,7 +11,7 @@ import pytest
 from benchmarks import hidden_effects
 from rdpi_gym.cli import main
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.parallel import Pool, run_cases
 from tests.looping import over
 
 # Functions are made inside functions: what pickles by value needs no import in another process.
@@ -34,6 +34,25 @@ def closed_port():
 @over("jobs", [1, 2, -1])
 def test_every_case_has_one_result(jobs):
     assert sorted(run_cases(squares(), list(range(7)), jobs)) == [k * k for k in range(7)]
+
+
+def test_a_pool_keeps_the_order_and_starts_processes_for_long_work_alone(monkeypatch):
+    def slow_first(case):
+        time.sleep(0.5 if case == 1 else 0.01)
+        return case, os.getpid()
+
+    pool, seen = Pool(2), []
+    short = pool.map(slow_first, [0, 0, 0], seen.append)
+    assert {process for _, process in short} == {os.getpid()}
+    assert seen == short
+    monkeypatch.setattr("rdpi_gym.support.parallel._WORTH_S", 0.02)
+    results = pool.map(slow_first, [0, 1, 2, 3, 4], seen.append)
+    assert [case for case, _ in results] == [0, 1, 2, 3, 4]
+    first, *others = (process for _, process in results)
+    assert first == os.getpid()
+    assert os.getpid() not in others
+    assert sorted(seen[3:]) == sorted(results)
+    assert os.getpid() not in {process for _, process in pool.map(slow_first, [0, 0])}
 
 
 def test_one_process_takes_the_cases_in_turn_and_waits_to_be_asked():

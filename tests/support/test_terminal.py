@@ -11,8 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from numba import njit
 
 from rdpi_gym.support.command import run_command
+from rdpi_gym.support.compiling import compilations
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.terminal import console, plain_output
 
@@ -87,6 +89,33 @@ def test_colours_reach_a_terminal_and_names_do_not_make_them(monkeypatch):
     with plain_output():
         console().print("\x1b[31m" + "red", style="bold")
     assert screen.getvalue() == "\x1b[1m\\x1b[31mred\x1b[0m\n"
+
+
+def test_a_terminal_sees_that_kernels_are_compiled(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("COLUMNS", "200")
+
+    @njit
+    def inner(x):
+        return x + 1.0
+
+    @njit
+    def outer(x):
+        return inner(x) * 2.0
+
+    with progress_bar() as show, compilations() as found:
+        show("fitting", 0, 0)
+        assert outer(1.0) == 4.0
+        assert outer(2.0) == 6.0
+        written = sys.stderr.getvalue()
+    assert (found.kernels, found.depth) == (1, 0)
+    assert found.seconds > 0.0
+    assert "compiling, once per installation: kernel 1, 0 s" in written
+    assert written.rstrip().rindex("fitting") > written.rindex("compiling")
 
 
 @pytest.mark.parametrize(

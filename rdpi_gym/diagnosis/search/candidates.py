@@ -29,7 +29,7 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.parallel import run_cases
+from rdpi_gym.support.parallel import Pool
 
 # Samples in the squares of a search: a thousand for each number; the errors are of all samples.
 SEARCH_SAMPLES = 24_000
@@ -340,7 +340,7 @@ def refit_all(
     bare: Bare,
     trials: Sequence[Trial],
     checkpoint: Checkpoint,
-    jobs: int,
+    pool: Pool,
     report: Callable[[int, int], None],
     least_um: float = math.inf,
     seen: Callable[[Outcome], None] = lambda outcome: None,
@@ -360,15 +360,30 @@ def refit_all(
             seen(outcomes[-1])
     report(len(outcomes), len(trials))
     by_name = {(trial.kind.name, trial.kind.form): trial for trial in unfinished}
-    one = partial(_refit_trial, bare, least_um)
-    for outcome in run_cases(one, unfinished, 1 if len(unfinished) < 2 else jobs):
+    done = len(outcomes)
+
+    def heard(outcome: Outcome) -> None:
+        nonlocal done
         if outcome.fit is not None:
             trial = by_name[outcome.effect, outcome.form]
             checkpoint.put(hysteresis, trial.present, trial.kind, trial.starts, outcome.fit)
-        outcomes.append(outcome)
         seen(outcome)
-        report(len(outcomes), len(trials))
+        done += 1
+        report(done, len(trials))
+
+    outcomes += pool.map(partial(_refit_trial, bare, least_um), unfinished, heard)
     return sorted(outcomes, key=lambda o: o.mean_square)
+
+
+def refit_kinds(
+    pool: Pool,
+    setting: Setting,
+    hysteresis: Core,
+    present: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+) -> list[Outcome]:
+    """Refit a model with each of several candidates, from their own starts."""
+    return pool.map(partial(refit, setting, hysteresis, tuple(present)), kinds)
 
 
 def _refit_trial(bare: Bare, least_um: float, trial: Trial) -> Outcome:

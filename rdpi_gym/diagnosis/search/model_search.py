@@ -12,7 +12,7 @@ from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate, Errors
-from rdpi_gym.diagnosis.search.candidates import assess, refit
+from rdpi_gym.diagnosis.search.candidates import assess, refit, refit_kinds
 from rdpi_gym.diagnosis.search.plants import in_few_numbers, on_comb
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
@@ -67,7 +67,7 @@ class Pruning(Rounds):
         now = refit(whole, state.hysteresis, state.effects, None)
         if now.fit is None:
             return state, []
-        tried = [refit(whole, state.hysteresis, state.effects, k) for k in forms_of(kind)]
+        tried = refit_kinds(self._pool, whole, state.hysteresis, state.effects, forms_of(kind))
         ranked = rank(now, in_best_form(tried, self.noise_um), [kind], self.noise_um, self._seed)
         best = ranked[0]
         if best.outcome.fit is None or not best.earned:
@@ -136,7 +136,7 @@ class Pruning(Rounds):
                 settled.append(replace(step, indistinguishable=()))
                 continue
             self._progress(f"rivals of {step.effect}", 0, len(kinds))
-            outcomes = [refit(self.setting, state.hysteresis, others, kind) for kind in kinds]
+            outcomes = refit_kinds(self._pool, self.setting, state.hysteresis, others, kinds)
             instead = {
                 o.effect: o.errors.validation_rmse_um
                 for o in (*outcomes, replace(state.outcome, effect=step.effect))
@@ -196,6 +196,7 @@ class ModelSearch(Pruning):
         found = stability(
             self.setting, state.outcome, judged, self.dataset.holds_out_quarters, self._seed,
             lambda done, total: self._progress("splits of the records", done, total),
+            self._pool,
         )  # fmt: skip
         known = [
             replace(c, confidence=found[c.effect].confidence, without_um=found[c.effect].without_um)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.parallel import ALONE, Pool
 
 # An effect is earned by this much of the noise's variance, and this share of what exceeds it.
 LEAST_GAIN = 0.05
@@ -311,6 +313,7 @@ def stability(
     quarters: bool,
     seed: int,
     report: Callable[[int, int], None],
+    pool: Pool = ALONE,
 ) -> dict[str, Standing]:
     """Return how each effect stands: how often it wins in splits, and what is missed without it."""
     assert outcome.fit is not None
@@ -319,14 +322,30 @@ def stability(
     won: dict[str, list[float]] = {name: [] for name in rivals}
     without_um: dict[str, float] = {}
     rng = np.random.default_rng(seed)
-    for done, split in enumerate(ways):
-        report(done, len(ways))
-        here = replace(setting, train=split.train, validation=split.validation)
-        full = _quick(here, variant.hysteresis, variant.effects, smoothness)
-        for name, others in rivals.items():
-            kept = tuple(e for e in variant.effects if e.name != name)
-            fields = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
-            outcomes = [_quick(here, variant.hysteresis, f, smoothness) for f in fields]
+    fields = {}
+    for name, others in rivals.items():
+        kept = tuple(e for e in variant.effects if e.name != name)
+        fields[name] = [kept, *(in_chain_order([*kept, rival]) for rival in others)]
+    every = [variant.effects, *(f for own in fields.values() for f in own)]
+    cases = [
+        (replace(setting, train=way.train, validation=way.validation), effects)
+        for way in ways
+        for effects in every
+    ]
+    done = 0
+
+    def seen(outcome: Outcome) -> None:
+        nonlocal done
+        done += 1
+        if done % len(every) == 0 and done < len(cases):
+            report(done // len(every), len(ways))
+
+    report(0, len(ways))
+    found = iter(pool.map(partial(_quick, variant.hysteresis, smoothness), cases, seen))
+    for split in ways:
+        full = next(found)
+        for name, own in fields.items():
+            outcomes = [next(found) for _ in own]
             shares = (beats(o.pieces, full.pieces, rng) for o in outcomes if o.fit is not None)
             won[name].append(0.0 if full.fit is None else min(shares, default=1.0))
             if split is ways[0]:
@@ -334,9 +353,9 @@ def stability(
     return {name: Standing(float(np.mean(won[name])), without_um[name]) for name in rivals}
 
 
-def _quick(
-    setting: Setting, hysteresis: Core, effects: Sequence[Effect], smoothness: float
-) -> Outcome:
+def _quick(hysteresis: Core, smoothness: float, case: tuple[Setting, Sequence[Effect]]) -> Outcome:
+    setting, effects = case
+
     def refitted() -> Outcome:
         fit = fit_joint(
             setting.train, hysteresis, effects, _PASSES, samples=_SAMPLES, smoothness=smoothness

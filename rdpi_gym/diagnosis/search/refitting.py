@@ -78,6 +78,7 @@ from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import Pool
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import joined
 
@@ -177,7 +178,7 @@ class Refitting:
         self._pooled: (
             tuple[tuple[tuple[Record, ...], ...], tuple[Record, ...], MeasuredNoise] | None
         ) = None
-        self._jobs, self._seed = jobs, seed
+        self._pool, self._seed = Pool(jobs), seed
         self._on_candidate = on_candidate
         self._given: PlantModel[Any] | None = None
         self._progress = progress or (lambda task, done, total: None)
@@ -340,7 +341,7 @@ class Refitting:
     ) -> list[Outcome]:
         core = type(bare.hysteresis)
         return refit_all(
-            bare, [t for t in trials if t.kind.fits_in(core)], self._checkpoint, self._jobs,
+            bare, [t for t in trials if t.kind.fits_in(core)], self._checkpoint, self._pool,
             lambda done, total: self._progress(task, done, total), least_um, self._seen,
         )  # fmt: skip
 

@@ -22,6 +22,7 @@ from rdpi_gym.diagnosis.search.candidates import (
     attempt,
     past_cusps,
     refit,
+    refit_kinds,
     taken_by,
 )
 from rdpi_gym.diagnosis.search.ranking import (
@@ -256,16 +257,13 @@ class Rounds(Refitting):
         now = refit(here, state.hysteresis, state.effects, None)
         if now.fit is None:
             return []
-        tried = [
-            refit(here, state.hysteresis, state.effects, form)
-            for kind in kinds
-            for form in forms_of(kind)
-            if form.fits_in(type(state.hysteresis))
-        ]
+        core = type(state.hysteresis)
+        forms = [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
         others = [r for r in ranked if r.candidate.effect not in asked and r.outcome.fit]
         for r in sorted(others, key=lambda r: r.train_share)[-_RIVALS_WITHIN:]:
-            tried.append(refit(here, state.hysteresis, state.effects, type(r.outcome.fitted)))
             kinds.append(type(r.outcome.fitted))
+            forms.append(kinds[-1])
+        tried = refit_kinds(self._pool, here, state.hysteresis, state.effects, forms)
         again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
         best = max(again, key=lambda r: r.worth)
         if best.candidate.effect not in asked or best.worth <= _MOST_OF_IT:

@@ -10,7 +10,7 @@ import numpy as np
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.results import Candidate
-from rdpi_gym.identification.jacobian import Variant, jacobian_rows, simulate_effects
+from rdpi_gym.identification.jacobian import Neighbours, Variant, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
@@ -71,10 +71,10 @@ def separability(
     rated = base if widened is None else Variant(widened, base.effects)
     count = len(hysteresis.gains)
     gram, samples = np.zeros((count + len(names),) * 2), 0
-    steps = np.full(count, 0.1 * hysteresis.A)
+    lanes = Neighbours(base, [], np.zeros(0), np.full(count, 0.1 * hysteresis.A))
     for record in records:
         counted = np.flatnonzero(record.error_mask)
-        columns = jacobian_rows(base, [], np.zeros(0), steps, record, counted)[:, :-1]
+        columns = lanes.derivatives(record, counted)[:, :-1]
         still = simulate_effects([base], record)[:, 0]
         moved = [_with(rated if e.slot == "rate" else base, e) for e in effects.values()]
         if widened is not None:
