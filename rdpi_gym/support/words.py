@@ -56,8 +56,9 @@ def closed(sentence: str) -> str:
 
 
 def capital(sentence: str) -> str:
-    """Begin a sentence with a capital letter, but for one that begins with a Greek symbol."""
-    return sentence[:1].upper() + sentence[1:] if sentence[:1].isascii() else sentence
+    """Begin a sentence with a capital letter, but for one that begins with a symbol, as a_2 or δ2."""
+    is_word = sentence[:2].strip().isalpha()
+    return sentence[:1].upper() + sentence[1:] if is_word else sentence
 
 
 def first_sentence(text: str) -> str:
