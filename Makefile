@@ -1,9 +1,12 @@
-# Two commands: `make bench` scores every controller, `make test` checks the package. `make test-all` adds the
-# types and the second tier: pages, browser, other compilers, training, studies. `make docs` builds the site.
+# Two commands: `make bench` scores the paper's compensators and the leaders, `make test` checks the package.
+# `make bench-full` scores every controller; `make test-all` adds the types and the second tier: pages, browser,
+# other compilers, training, studies. `make docs` builds the site.
 PYTHON ?= python3
 BIN := .venv/bin
-# Modules are compiled where they are first imported: most of those installed never are.
-PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
+# uv where it is installed. Modules are compiled where they are first imported: most of those installed never are.
+UV := $(shell command -v uv)
+INSTALL := $(if $(UV),$(UV) pip install --quiet --python $(BIN)/python,$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check)
+PIP := $(INSTALL) --constraint constraints.txt
 OUT ?= results/bench
 SEED ?= $(shell date +%Y%m%d)
 QUICK := tests/test_house.py tests/plant tests/signals tests/measurement tests/support tests/identification tests/baselines
@@ -16,9 +19,15 @@ FIRST_TIER := pytest -n 2 --dist worksteal -m "not slow" tests
 check test test-all matrix: export OMP_NUM_THREADS = 1
 check test test-all matrix: export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: audit bench check test test-all matrix fuzz docs clean
+# What a newcomer wants first: the compensators of the paper, those that lead the ranking, and none.
+FIRST := none,inversion-free-literal,inversion-free-reference-rate,classical-static,classical-reference-rate,pi-classical-reference-rate,hybrid,adaptive-inverse
+
+.PHONY: audit bench bench-full check test test-all matrix fuzz docs clean
 
 bench: .venv/.core
+	$(BIN)/rdpi bench --out $(OUT) --controllers $(FIRST) --ts 2e-4,1e-3
+
+bench-full: .venv/.core
 	$(BIN)/rdpi bench --out $(OUT)
 
 test: .venv/.dev

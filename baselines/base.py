@@ -69,7 +69,7 @@ class Rows:
 
     def __init__(self, **counts: int) -> None:
         self._slices: dict[str, slice] = {}
-        self.total, self.names = 0, tuple(counts)
+        self.total, self.counts = 0, counts
         for name, count in counts.items():
             self._slices[name] = slice(self.total, self.total + count)
             self.total += count

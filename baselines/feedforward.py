@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from baselines.base import Baseline, Observation, limit_block
+from baselines.base import Baseline, Observation, Rows, limit_block
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import RDPI, Plant, PlantModel, pack
 from rdpi_gym.plant.cores.base import Core
@@ -116,6 +116,9 @@ class Feedforward(Baseline):
         plant.reset(u0_V=self.limits.rest_V)
         rest = self._rest_memory(plant.memory[:, 0])
         self._rest = np.concatenate([[self.limits.rest_V, 0.0], rest, [0.0]])
+        n = len(rest)
+        self.packed = Rows(weights=n + 1, thresholds=n, delta2_s=1, rate_pole=1, offset_um=1)
+        self.rows = Rows(last_command_V=1, last_rate_V_s=1, plays=n, last_reference_um=1)
 
     def compensator_model(self, hysteresis: RDPI) -> RDPI:
         """Return the RDPI model that the compensator is built on, from the belief's."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from baselines.base import Baseline, Observation, limited
+from baselines.base import Baseline, Observation, Rows, limited
 from baselines.feedforward import Feedforward, nyquist_gain
 from baselines.loops import (
     Certificate,
@@ -109,16 +109,16 @@ def _frequencies(effects: list[Effect], ts_s: float) -> Array:
 def _feed_back(
     error: Array,
     state: Array,
-    proportional: float,
-    integral: float,
+    proportional_V_um: float,
+    integral_V_um: float,
     low: float,
     high: float,
     step: float,
     u: Array,
 ) -> None:
     for b in range(error.shape[0]):
-        collected = state[1, b] + integral * error[b]
-        wanted = u[b] + proportional * error[b] + collected
+        collected = state[1, b] + integral_V_um * error[b]
+        wanted = u[b] + proportional_V_um * error[b] + collected
         u[b] = limited(wanted, state[0, b], low, high, step)
         # Anti-windup: where the error drives further into the limit, nothing is collected.
         if (wanted - u[b]) * error[b] <= 0.0:
@@ -162,6 +162,8 @@ class PI(Baseline):
         simc = simc_gains(belief.hysteresis, layout.ts_s)
         self.gains = gains_within_margin(simc, belief, layout.ts_s)
         self.feedforward = None if feedforward is None else feedforward(belief, layout)
+        inside = 0 if self.feedforward is None else self.feedforward.rows.total
+        self.rows = Rows(last_command_V=1, integral_V=1, feedforward=inside)
         self._per_sample = (self.gains.proportional_V_um, self.gains.integral_V_um_s * layout.ts_s)
 
     def start(self, reference_um: Array) -> Array:

@@ -112,8 +112,11 @@ def complete(
     jobs: int = 1,
     progress: Progress | None = None,
     ray_address: str | None = None,
+    heard: Callable[[Sequence[Row]], None] = lambda rows: None,
 ) -> int:
     """Run the units whose rows a store does not have, and return the number of rows computed.
+
+    Rows that are new are `heard` of once they are stored.
 
     Stored rows that `is_stale` are set aside, with the note `stale` (``{}`` for the file); those that
     `is_finished` are not computed again. A unit is what one worker does at a time.
@@ -133,6 +136,8 @@ def complete(
         fresh = [row for row in rows if name(row) not in finished]
         store.append(fresh)
         done, computed = done + 1, computed + len(fresh)
+        if fresh:
+            heard(fresh)
         if progress is not None:
             progress(stage, done, len(units))
     return computed

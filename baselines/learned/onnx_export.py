@@ -298,7 +298,7 @@ class _Step:
         within = self.made.rows.of(rows, "inverse")
         own, student = np.split(within, [self.taught.rows.total])
         parts = {name: self.made.rows.of(rows, name) for name in ("feedback", "monitor", "allowed")}
-        parts |= {f".{name}": self.taught.rows.of(own, name) for name in self.taught.rows.names}
+        parts |= {f".{name}": self.taught.rows.of(own, name) for name in self.taught.rows.counts}
         ends = np.cumsum([len(part) for part in (*parts.values(), student)]).tolist()
         starts = [0, *ends]
         return {

@@ -7,7 +7,7 @@ import pandas as pd
 
 from benchmarks.payoff.scores import BELIEFS, HIDDEN_PLANTS, NOISE_UM, PREVIEW, TS_S, HiddenPlant
 from benchmarks.rows import paragraphs
-from benchmarks.tracking.episode import DIVERGED, ERROR, words
+from benchmarks.tracking.episode import DIVERGED, ERROR, shown_error, words
 from benchmarks.tracking.stages import NOISE_UM as SENSOR_NOISE_UM
 from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.chart import Axis, Chart, Mark, Note, Panel, Series, side_by_side
@@ -51,17 +51,22 @@ def payoff_summary(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def summary_view(summary: pd.DataFrame) -> pd.DataFrame:
-    """Return the summary with the headings and words that a reader sees."""
+def summary_view(summary: pd.DataFrame, noise_percent: float = 0.0) -> pd.DataFrame:
+    """Return the summary with the headings and words that a reader sees.
+
+    Errors below the sensor noise (% of the references' peak to peak) are said to be that, and count as
+    the noise in what they are divided by.
+    """
     view = summary[["plant", "controller"]].astype(str)
     for name in BELIEFS:
         # an error is missing where the loop diverged, and nowhere else
-        view[name] = ["diverged" if np.isnan(x) else number(float(x)) for x in summary[name]]
+        view[name] = [
+            "diverged" if np.isnan(x) else shown_error(x, x, noise_percent)
+            for x in summary[name].astype(float)
+        ]
+    least = summary["discovered"].clip(lower=noise_percent)
     return view.assign(
-        **{
-            "bare / discovered": summary["fall_from_bare"],
-            "fitted / discovered": summary["fall_from_fitted"],
-        }
+        **{f"{name} / discovered": summary[name] / least for name in ("bare", "fitted")}
     )
 
 
@@ -144,7 +149,10 @@ _BELIEFS = {
 def payoff_section(table: pd.DataFrame) -> Section:
     """Make the section of a page that shows the payoff."""
     summary = payoff_summary(table)
-    falls = summary["fall_from_fitted"].dropna()
+    stroke_um = 2.0 * HIDDEN_PLANTS[0].base.reference_um[1]
+    noise_percent = 100.0 * SENSOR_NOISE_UM / stroke_um
+    view = summary_view(summary, noise_percent)
+    falls = view["fitted / discovered"].dropna()
     answer = (
         f"Discovering the effect divides the tracking error by {number(falls.min(), 2)} to "
         f"{number(falls.max(), 2)}, in the median by {number(falls.median(), 2)}. "
@@ -156,8 +164,11 @@ def payoff_section(table: pd.DataFrame) -> Section:
         "with an RDPI model fitted to records of the plant to the error with the model in which the "
         f"effect was discovered from the same records.\n\n{plain(METHOD)}"
     )
-    view = summary_view(summary)
-    return Section("What it pays to know the effect", text, payoff_chart(summary), view)
+    drawn = summary.assign(
+        **{name: summary[name].clip(lower=noise_percent) for name in BELIEFS},
+        fall_from_fitted=view["fitted / discovered"],
+    )
+    return Section("What it pays to know the effect", text, payoff_chart(drawn), view)
 
 
 def payoff_chart(summary: pd.DataFrame) -> Chart:

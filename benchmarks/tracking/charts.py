@@ -32,6 +32,8 @@ from rdpi_gym.support.words import number
 _BOUND = "full-preview-inversion"
 # Errors of seed 0 that are smaller than this part of the smallest mean do not widen the axis.
 _NEAR = 0.05
+FIRST = 8
+"""Controllers in the first picture, and in tables and figures that would grow too large with all."""
 # Samples of a curve on the page: a screen shows no more of a period, or of some seconds.
 _PAIR_SAMPLES, _RECORD_SAMPLES = 100, 400
 _RMSE = "RMSE (% of peak to peak)"
@@ -63,8 +65,10 @@ def look(controller: str) -> tuple[str, str, bool]:
 
 
 def leaderboard_chart(results: Evaluation) -> Chart:
-    """Draw the ranking, and beside it the error over the frequency of some controllers."""
-    ranking = results.ranking.dropna(subset=["rmse_percent"])
+    """Draw the first of the ranking, and beside it the error over the frequency of some controllers."""
+    finished = results.ranking.dropna(subset=["rmse_percent"])
+    rivals = finished[finished["rank"] != "bound"].head(FIRST)
+    ranking = finished if rivals.empty else rivals
     panels = [_ranking_panel(ranking)]
     sines = _sines(results)
     if len(sines):

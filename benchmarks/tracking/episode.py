@@ -120,9 +120,9 @@ def timed_recording(
 BELOW_NOISE = "below sensor noise"
 
 
-def shown_error(value: float, error_um: float, noise_um: float, digits: int = 3) -> str:
-    """Write an error in any unit, if the sensor that has some noise (µm rms) can show it at all."""
-    return BELOW_NOISE if error_um < noise_um else number(value, digits)
+def shown_error(value: float, error: float, noise: float, digits: int = 3) -> str:
+    """Write a value of an error, if the sensor with that noise (rms, in the error's unit) shows it at all."""
+    return BELOW_NOISE if error < noise else number(value, digits)
 
 
 ERROR, DIVERGED, UNSTABLE, SATURATED, EXTRAPOLATED, WARNED = (

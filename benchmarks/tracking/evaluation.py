@@ -130,7 +130,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     labels = _labels(rivals, [str(name) for name in ranked["controller"]])
     for column in ("rank", "places"):
         ranked[column] = [labels[name][column] for name in ranked["controller"]]
-    place = ranked["rank"].str.rstrip("=").replace({"bound": "0", "–": "inf"}).astype(float)
+    ends = {"bound": 0.0, "–": np.inf}
+    place = [ends[r] if r in ends else float(r.rstrip("=")) for r in ranked["rank"]]
     return (
         ranked.assign(place=place)
         .sort_values(["place", "rmse_percent", "mean_rank"], na_position="last", ignore_index=True)
@@ -223,6 +224,16 @@ def _summary(table: pd.DataFrame, names: list[str], columns: list[str]) -> pd.Da
         for values, rows in drawn(table).groupby(names, sort=False)
     ]
     return pd.DataFrame(lines, columns=[*names, *columns])
+
+
+def by_plant(selection: Selection, rows: Sequence[Row]) -> dict[str, float]:
+    """Summarise rows of one controller as the ranking does: RMSE (%) on each plant, NaN after an error."""
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    kept = drawn(table[~_marks(table, _beyond(selection))])
+    return {
+        str(plant): float(np.exp(np.log(errors).mean(skipna=False)))
+        for plant, errors in kept.groupby("plant", sort=False)["rmse_percent"]
+    }
 
 
 MEASURED_PLANT = "picma"

@@ -213,8 +213,6 @@ _HEADINGS = {
     "extrapolated": "Beyond identification",
 }
 _WIDTHS = ("_low", "_high", "_half_width")
-_FIRST = 8
-"""Controllers in the first table, and in those and the figures that would grow too large with all."""
 
 
 def write_benchmark_page(
@@ -227,7 +225,7 @@ def write_benchmark_page(
     )
     rivals = ranked[ranked["rank"] != "bound"]
     rivals = ranked if rivals.empty else rivals
-    first = rivals.head(_FIRST)
+    first = rivals.head(charts.FIRST)
     leaders = [name for name in results.order if name in set(first["controller"])]
     cases = results.by_case.dropna(subset="rmse_percent")
     frequency = charts.frequency_charts(cases, leaders)
@@ -244,7 +242,7 @@ def write_benchmark_page(
             f"All {len(rivals)} controllers",
             "The bound beside them knows the true plant. Places: the ranks that paired "
             "differences leave open.",
-            _ranking_chart(ranked) if len(rivals) > _FIRST else None,
+            _ranking_chart(ranked) if len(rivals) > charts.FIRST else None,
             _ranking_table(ranked, least_um),
         ),
         *(
@@ -360,7 +358,7 @@ def _on_real_input(measured: MeasuredScores) -> tuple[Any, pd.DataFrame | None]:
     table = measured.table
     if table.empty:
         return None, None
-    best = table.groupby("controller")["rms_V"].mean().nsmallest(_FIRST).index
+    best = table.groupby("controller")["rms_V"].mean().nsmallest(charts.FIRST).index
     traces = {
         record: {name: y for name, y in of.items() if name in {"t_s", "applied", *best}}
         for record, of in measured.traces.items()

@@ -46,8 +46,8 @@ TRUE_PLANT = "true plant"
 """Entry of tables in place of a belief for the bound."""
 # Lanes whose lengths differ by more are run apart: a short one would idle to the end of a long one.
 _LENGTH_RATIO = 4.0
-Told: TypeAlias = Callable[[str, Mapping[str, float]], None]
-"""Called with a controller whose rows are all there, and its RMSE (%) by plant: the geometric mean."""
+Told: TypeAlias = Callable[[str, Sequence[Row]], None]
+"""Called with a controller whose last row is computed, and its rows."""
 
 
 @dataclass(frozen=True)
@@ -211,36 +211,25 @@ def _compute(
     waiting: dict[str, list[TrackingKey]] = {}
     for key in stamps:
         waiting.setdefault(key[0], []).append(key)
-    order = [name for name in waiting if name != FULL_PREVIEW]
-    waiting = {name: waiting[name] for name in order if told is not None}
+    order = sorted(waiting, key=lambda name: name == FULL_PREVIEW)
 
-    def tell(stage: str, done: int, total: int) -> None:
-        if progress is not None:
-            progress(stage, done, total)
-        for name in [n for n, keys in waiting.items() if store.rows.keys() >= set(keys)]:
-            rows = [store.rows[key] for key in waiting.pop(name)]
-            if told is not None and done:
-                told(name, _by_plant(rows))
+    def tell(fresh: Sequence[Row]) -> None:
+        name = str(fresh[0]["controller"])
+        if told is None or name == FULL_PREVIEW or not store.rows.keys() >= set(waiting[name]):
+            return
+        told(name, [store.rows[key] for key in waiting[name]])
 
     groups = [replace(task, lanes=lanes) for task in tasks for lanes in _alike(task)]
-    groups.sort(key=lambda task: ([*order, FULL_PREVIEW].index(task.controller), -task.samples))
+    groups.sort(key=lambda task: (order.index(task.controller), -task.samples))
     computed = complete(
         store, groups, run_task, row_keys, is_stale,
         name=TRACKING.key, note=notes.append,
         stale="Rows of changed code, plants or controllers were set aside in {.name}.",
         # a row that failed for want of a file or a package may succeed now
         is_finished=lambda row: words([row["status"]]) != {ERROR},
-        jobs=jobs, progress=tell, ray_address=ray_address,
+        jobs=jobs, progress=progress, ray_address=ray_address, heard=tell,
     )  # fmt: skip
     return Outcome([store.rows[key] for key in stamps], computed, tuple(notes))
-
-
-def _by_plant(rows: Sequence[Row]) -> dict[str, float]:
-    """Return the geometric mean of the RMSE (%) on each plant, NaN where a row has none."""
-    logs: dict[str, list[float]] = {}
-    for row in rows:
-        logs.setdefault(row["plant"], []).append(np.log(row.get("rmse_percent", np.nan)))
-    return {plant: float(np.exp(np.mean(each))) for plant, each in logs.items()}
 
 
 def _tasks(selection: Selection, stamped: bool) -> list[Task]:

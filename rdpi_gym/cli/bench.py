@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import sys
+from functools import partial
+from itertools import count, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rdpi_gym as rg
-from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, words
+from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, VerboseOption, words
 from rdpi_gym.cli.tables import print_table
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
+from rdpi_gym.support.words import number
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import pandas as pd
 
 _LEGEND = (
     "RMSE: geometric mean over all cases, in percent of the reference's peak to peak, with its 95 % "
-    "interval over the drawn truths. = marks a tie: the 95 % interval of the paired difference "
-    "includes zero. Status: rows with each warning."
+    "interval over the drawn truths. Rank: one more than the number of controllers that are better "
+    "in paired differences. Status: rows with each warning."
 )
 
 _TASK_LEGEND = (
@@ -30,6 +34,7 @@ _TASK_LEGEND = (
 )
 
 _SEEDS, _FULL = 5, 100
+_NAME = 36  # letters of a controller's name, in lines while a run goes on
 
 
 def bench(
@@ -49,6 +54,7 @@ def bench(
     full: bool = False,
     draws: int | None = None,
     seed_file: Path | None = None,
+    verbose: VerboseOption = False,
 ) -> None:
     """Rank controllers by their tracking error; an interrupted run continues.
 
@@ -100,6 +106,8 @@ def bench(
         raise InputError(
             "--draws and --seed-file are of registered tasks; give --task NAME or --full with them"
         )
+    from rdpi_gym.face.benchmarking import TOP
+
     with progress_bar() as show:
         scores = rg.benchmark(
             words(controllers),
@@ -114,22 +122,35 @@ def bench(
             jobs=jobs,
             ray=ray,
             progress=show,
+            told=partial(_tell, islice(count(), None if verbose else TOP)),
         )
         show("drawing", 0, 0)
         leaderboard = scores.write(out)
         page = scores.page(out / "report.html")
     print(scores.answer)
-    for title, table in scores.leaders(own).items():
+    tables = scores.leaders(own, most=len(scores.order) if verbose else TOP)
+    for title, table in list(tables.items())[: None if verbose or own else 1]:
         print_table(table, title)
     print(_LEGEND)
     print(f"{scores.finished} rows, {scores.computed} of them computed now")
-    for note in (*scores.run_notes, *scores.notes):
+    for note in scores.run_notes:
         print(note)
-    if scores.measured.table.empty:
-        print(scores.measured.note)
+    if verbose:
+        for note in (
+            *scores.notes,
+            *([scores.measured.note] if scores.measured.table.empty else []),
+        ):
+            print(note)
     print(f"leaderboard: {leaderboard}")
     print(f"page: {page}")
     _refuse_errors(scores.table, own)
+
+
+def _tell(lines: Iterator[int], controller: str, errors: Mapping[str, float]) -> None:
+    """Print what a controller reached on each plant as soon as it is known, while there are lines."""
+    if next(lines, None) is not None:
+        reached = "".join(f"  {plant} {number(error)} %" for plant, error in errors.items())
+        print(f"{controller:<{_NAME}}{reached}", file=sys.stderr, flush=True)
 
 
 def _bench_tasks(

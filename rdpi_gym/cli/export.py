@@ -15,7 +15,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.words import quoted
 
-_TYPED = {"ts_s": "--ts", "preview": "--preview", "belief": "--belief"}
+_TYPED = {"ts_s": "--ts", "preview": "--preview", "belief": "--belief", "prefix": "--prefix"}
 
 
 class _Kinds(TyperGroup):
@@ -63,6 +63,7 @@ def export_c(
     controller: str | None = None,
     ts: float = 5e-5,
     preview: int | None = None,
+    prefix: str | None = None,
     out: Path = Path("firmware"),
 ) -> None:
     """Write a controller or a plant as C99, with vectors that test it, examples and a page to read.
@@ -77,12 +78,16 @@ def export_c(
         Sampling time (s).
     preview : N
         Samples of the reference that a step is shown ahead; by default as many as are used.
+    prefix : NAME
+        Of files and identifiers, by default rdpi_controller or rdpi_plant: exports with prefixes of their own link into one program.
     out : DIR
         Folder that is written; an earlier export is replaced.
     """
     check_folder(out)
     with as_typed(_TYPED):
-        done = rg.export_c(model, out, controller=controller, ts_s=ts, preview=preview)
+        done = rg.export_c(
+            model, out, controller=controller, ts_s=ts, preview=preview, prefix=prefix
+        )
     print(done)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -17,7 +17,7 @@ from baselines import Controller
 from baselines import make_controller as make_by_name
 from benchmarks.tracking import evaluation
 from benchmarks.tracking.controllers import named
-from benchmarks.tracking.episode import Caution, cautions, play, score
+from benchmarks.tracking.episode import BELOW_NOISE, Caution, cautions, play, score
 from benchmarks.tracking.run import benchmark as run_benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.envs.controller import warning_of
@@ -118,7 +118,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         Parameters
         ----------
         own
-            Controllers that are shown wherever they stand; bounds always are.
+            Controllers that are shown wherever they stand.
         most
             Number of the others.
 
@@ -131,7 +131,8 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         found = {}
         for at_s, ranked in ((None, self.ranking), *self.where_trained.items()):
             if not ranked.empty:
-                title, table = first_of(ranked, own, most)
+                least_um = min(self.noise_um.values(), default=0.0)
+                title, table = first_of(ranked, own, most, least_um)
                 found[title + ("" if at_s is None else f" at Ts = {at_s:g} s")] = table
         return found
 
@@ -181,15 +182,25 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         return write_tables(Path(folder), self, self.payoff)
 
 
-def first_of(ranked: pd.DataFrame, own: Sequence[str], most: int = TOP) -> tuple[str, pd.DataFrame]:
-    """Return the first of a ranking, its bound, and a user's own, with a title; cells are text."""
+def first_of(
+    ranked: pd.DataFrame, own: Sequence[str], most: int = TOP, noise_um: float = 0.0
+) -> tuple[str, pd.DataFrame]:
+    """Return the first of a ranking and a user's own, with a title; cells are text.
+
+    An error below the sensor noise (µm rms) is said to be that. The bound is shown where it is alone.
+    """
     bound = ranked["rank"] == "bound"
-    shown = ((~bound).cumsum() <= most) | bound | ranked["controller"].isin(own)
+    shown = (
+        ((~bound).cumsum() <= most) & ~bound | ranked["controller"].isin(own) | bool(bound.all())
+    )
     title, rivals = "Ranking", int((~bound).sum())
     if rivals > most:
         yours = ", and yours" if (shown & ~bound).sum() > most else ""
         title = f"The first {most} of {rivals} controllers{yours}"
     table = evaluation.ranking_view(ranked).loc[shown, list(_SHOWN)]
+    below = ranked.loc[shown, "rmse_um"] < noise_um
+    table = table.astype(object)
+    table.loc[below, ["RMSE (%)", "RMSE (µm)"]] = BELOW_NOISE, f"< {noise_um:g}"
     return title, table.map(lambda cell: number(cell) if isinstance(cell, float) else str(cell))
 
 
@@ -208,6 +219,7 @@ def benchmark(
     jobs: int = -1,
     ray: str | None = None,
     progress: Progress | None = None,
+    told: Callable[[str, Mapping[str, float]], None] | None = None,
 ) -> Evaluation:
     """Score controllers on reference signals.
 
@@ -239,6 +251,9 @@ def benchmark(
         Address of a Ray cluster that scores in place of processes here.
     progress
         Called as ``progress(stage, done, total)``.
+    told
+        Called as ``told(controller, errors)`` when the last row of a controller is computed: its
+        RMSE (%) by plant, the geometric mean over the cases and draws that are ranked.
 
     Returns
     -------
@@ -276,9 +291,14 @@ def benchmark(
     everything = all(each is None for each in (controllers, plants, references, ts_s, belief))
     notes: list[str] = []
     payoff = None
+
+    def hear(name: str, rows: Sequence[dict[str, Any]]) -> None:
+        if told is not None:
+            told(name, evaluation.by_plant(selection, rows))
+
     with TemporaryDirectory() as scratch:
         folder = None if out is None else Path(out)
-        outcome = run_benchmark(selection, folder, jobs, progress, ray)
+        outcome = run_benchmark(selection, folder, jobs, progress, ray, hear if told else None)
         if everything:
             stamped = folder is not None
             payoff = _payoff(folder or Path(scratch), stamped, jobs, ray, progress, notes)

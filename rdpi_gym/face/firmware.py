@@ -53,6 +53,7 @@ def export_c(
     controller: str | None = None,
     ts_s: float = TS_S,
     preview: int | None = None,
+    prefix: str | None = None,
 ) -> Exported:
     """Write a controller, or a plant, as a folder of C99: no allocation, no libraries, tested by vectors.
 
@@ -72,6 +73,9 @@ def export_c(
     preview
         Samples of the reference after r(k) that a step is given; by default as many as the
         controller makes use of.
+    prefix
+        Of files and identifiers, so that several exports link into one program; by default
+        ``rdpi_controller`` or ``rdpi_plant``.
 
     Returns
     -------
@@ -81,8 +85,8 @@ def export_c(
     Raises
     ------
     InputError
-        No such plant or controller, a controller that is not causal, an effect without C, a folder
-        that holds something else. Nothing is written then.
+        No such plant or controller, a controller that is not causal, an effect without C, a prefix
+        that is no identifier of C, a folder that holds something else. Nothing is written then.
 
     Examples
     --------
@@ -95,7 +99,7 @@ def export_c(
     """
     folder = Path(out)
     check_out(folder)
-    package = package_of(as_plant(model), ts_s, controller, preview)
+    package = package_of(as_plant(model), ts_s, controller, preview, prefix)
     program = package.source.program
     written = write_package(package, folder)
     return Exported(written, f"{program.kind} {program.title} as C", package.warnings)

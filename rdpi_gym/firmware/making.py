@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Baseline
+from baselines.base import Baseline, Rows
+from baselines.feedforward import Feedforward
 from baselines.lookup import GUARDED, LEARNED, make_controller
 from baselines.registry import known_controller
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.truth import limit_band
 from rdpi_gym.firmware.fixed_point import FixedPoint, fixed_point_body
-from rdpi_gym.firmware.program import Block, Known, Memory, Program, Table
+from rdpi_gym.firmware.program import Block, Known, Memory, Part, Program, Table
 from rdpi_gym.firmware.tracing.arrays import Inputs, Recording, Store, Tables, Traced, constant
 from rdpi_gym.firmware.tracing.functions import NUMPY
 from rdpi_gym.firmware.tracing.intercepting import Interception, named_arrays
@@ -27,7 +28,7 @@ from rdpi_gym.firmware.tracing.tape import Tape, recorded
 from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.firmware.writing.package import Package
 from rdpi_gym.firmware.writing.source import Source
-from rdpi_gym.plant import Plant, PlantModel, pack
+from rdpi_gym.plant import RDPI, Plant, PlantModel, pack
 from rdpi_gym.plant.chain import ACTS_ON, CHAIN, COMMAND, DISPLACEMENT, RATE
 from rdpi_gym.plant.cores.base import check_ts
 from rdpi_gym.plant.cores.play import rate_block
@@ -164,8 +165,8 @@ def traced_program(made: Baseline, title: str) -> Program:
         rest_V=made.limits.rest_V,
         centre_um=layout.centre_um,
         scale_um=layout.scale_um,
-        tables=[table for table in tracer.tables.all if f"p->{table.name}" in called],
-        memory=[Memory("state", rest, by_reference)] if count else [],
+        tables=[_with_parts(t, made) for t in tracer.tables.all if f"p->{t.name}" in called],
+        memory=[Memory("state", rest, by_reference, parts=_rows(made, count))] if count else [],
         functions=tracer.functions.text,
         step=body,
         begin=begins,
@@ -214,6 +215,41 @@ class _Tracer:
 def _memory(recording: Recording, count: int) -> Traced:
     store = Store(recording, "m->state", count, local=False)
     return Traced(store, np.arange(count, dtype=np.int64)[:, None])
+
+
+def _rows(owner: object, count: int, over: str = "") -> list[Part]:
+    """Return the named rows of a memory, those of an inner controller by its own names; none is stated: none."""
+    rows = getattr(owner, "rows", None)
+    if not isinstance(rows, Rows) or rows.total != count:
+        return [Part(over.rstrip("_"), count)] if over else []
+    return [
+        part
+        for name, own in rows.counts.items()
+        if own
+        for part in _rows(getattr(owner, name, None), own, f"{over}{name}_")
+    ]
+
+
+def _with_parts(table: Table, made: Baseline) -> Table:
+    """Return a table with the names of what a feedforward packs, if it is that."""
+    inner = [made, *(each for each in vars(made).values() if isinstance(each, Baseline))]
+    inner += [part for each in inner[1:] for part in vars(each).values()]
+    for each in inner:
+        if isinstance(each, Feedforward) and each.needs_core is RDPI:
+            column = each._parameters.ravel()
+            if each.packed.total == len(column) and np.array_equal(column, table.values):
+                return replace(table, parts=[Part(*own) for own in each.packed.counts.items()])
+    return table
+
+
+def _parts(stated: Mapping[str, Any], units: Mapping[str, str], column: Array) -> list[Part]:
+    """Return the numbers that stand in a column in the order of their declaration; else none."""
+    found = {name: np.ravel(value).astype(np.float64) for name, value in stated.items()}
+    numbers = np.concatenate([*found.values(), np.empty(0)])
+    if not np.array_equal(numbers, column.ravel()[: len(numbers)]):
+        return []
+    parts = [Part(name, len(each), units.get(name, "")) for name, each in found.items()]
+    return [part for part in parts if part.count]
 
 
 def _made(name: str, belief: PlantModel[Any], ts_s: float, preview: int | None) -> Baseline:
@@ -303,7 +339,17 @@ class _Plant:
         held = model.converter.samples(ts_s)
         if held > 1:
             signals[COMMAND] = self._held(held)
-        p, state = self._table("core", parameters), self._remembered("core", own)
+        units = {each.name: each.unit for each in core.shape}
+        stated = {each.name: getattr(core, each.name) for each in fields(core)}
+        del stated["rate_bandwidth_hz"]
+        parts = _parts(stated, units, parameters)
+        last = [Part("rate_pole", 1), Part("offset_um", 1)]
+        if sum(part.count for part in parts) + len(last) != len(parameters):
+            parts, last = [], []
+        p = self._table("core", parameters, [*parts, *last])
+        state = self._remembered(
+            "core", own, [Part("last_command_V", 1), Part("last_rate_V_s", 1), Part("past", core.n)]
+        )
         stages: dict[str, list[Any]] = {}
         for effect in model.effects:
             if effect.slot != "memory":
@@ -325,7 +371,12 @@ class _Plant:
     def _stage(self, effect: Any, core: Any, x: Block, u: Block) -> Block:
         column = np.array(effect.coefficients(self._ts_s, core), dtype=np.float64)
         rows = effect.state_rows_with(self._ts_s, core)
-        p = self._table(effect.name, column[:, None]) if len(column) else Block("0", (0, 1))
+        p = Block("0", (0, 1))
+        if len(column):
+            units = {each.name: each.unit for each in effect.parameters}
+            parts = _parts(effect.values, units, column)
+            about = ", ".join(f"{name} = {value:.6g}" for name, value in effect.values.items())
+            p = self._table(effect.name, column[:, None], parts, about)
         state = Block("0", (0, 1))
         if rows:
             state = self._remembered(effect.name, np.full((rows, 1), np.nan))
@@ -363,13 +414,17 @@ class _Plant:
         ]
         return Block("command", (1, 1))
 
-    def _table(self, name: str, column: Array) -> Block:
-        self.tables.append(Table(name, column.ravel()))
+    def _table(
+        self, name: str, column: Array, parts: Sequence[Part] = (), about: str = ""
+    ) -> Block:
+        whole = sum(part.count for part in parts) == column.size
+        kept = parts if whole else ()
+        self.tables.append(Table(name, column.ravel(), parts=kept, about=about))
         return Block(f"p->{name}", column.shape, known=column)
 
-    def _remembered(self, name: str, start: Array) -> Block:
+    def _remembered(self, name: str, start: Array, parts: Sequence[Part] = ()) -> Block:
         values = start.ravel().copy()
-        self.memory.append(Memory(name, values, np.zeros(len(values))))
+        self.memory.append(Memory(name, values, np.zeros(len(values)), parts=parts))
         return Block(f"m->{name}", start.shape)
 
 
@@ -404,7 +459,11 @@ def program_of(
 
 
 def package_of(
-    model: PlantModel[Any], ts_s: float, controller: str | None = None, preview: int | None = None
+    model: PlantModel[Any],
+    ts_s: float,
+    controller: str | None = None,
+    preview: int | None = None,
+    prefix: str | None = None,
 ) -> Package:
     """Return what an export of :func:`program_of` writes."""
     program = program_of(model, ts_s, controller, preview)
@@ -413,19 +472,22 @@ def package_of(
         "model": model.to_dict(),
         "ts_s": program.ts_s,
         "exact": program.exact,
+        **({} if prefix is None else {"prefix": prefix}),
     }
     if program.kind == "plant":
-        return Package(Source(program), recipe)
+        return Package(Source(program, prefix=prefix), recipe)
     recipe |= {"controller": _found_anywhere(controller or ""), "preview": program.preview}
     fixed, why = _fixed(program)
     warning = program.twin.made.warning() if isinstance(program.twin, ControllerTwin) else None
     notes, warnings = (() if each is None else (each,) for each in (why, warning))
-    return Package(Source(program, reach_um(model, ts_s), fixed), recipe, warnings, notes)
+    return Package(Source(program, reach_um(model, ts_s), fixed, prefix), recipe, warnings, notes)
 
 
 def package_again(document: Mapping[str, Any], source: str) -> Package:
     """Return the package that a ``program.json`` describes."""
-    known = {"format", "version", "kind", "model", "ts_s", "exact", "controller", "preview"}
+    known = {
+        "format", "version", "kind", "model", "ts_s", "exact", "controller", "preview", "prefix"
+    }  # fmt: skip
     if others := [key for key in document if key not in known]:
         raise InputError(
             f"{source} has the unknown key {quoted(others[0])}; known are {some(known)}"
@@ -438,7 +500,10 @@ def package_again(document: Mapping[str, Any], source: str) -> Package:
     if not isinstance(described, Mapping):
         raise InputError(f"{source} has no model; export it anew")
     model = PlantModel.from_dict(described, f"{source}, model")
-    return package_of(model, document.get("ts_s", math.nan), controller, preview)
+    prefix = document.get("prefix")
+    if not isinstance(prefix, str | None):
+        raise InputError(f"{source} has a prefix that is no text; export it anew")
+    return package_of(model, document.get("ts_s", math.nan), controller, preview, prefix)
 
 
 def reach_um(model: PlantModel[Any], ts_s: float) -> tuple[float, float]:

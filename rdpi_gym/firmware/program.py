@@ -14,6 +14,15 @@ from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True)
+class Part:
+    """Neighbours in a table or a memory that have a name of their own."""
+
+    name: str
+    count: int
+    unit: str = ""
+
+
+@dataclass(frozen=True)
 class Table:
     """Numbers that the code reads and never writes, at least one: a field of its struct of parameters.
 
@@ -23,6 +32,8 @@ class Table:
     name: str  # an identifier of C, lower case
     values: NDArray[Any]
     type: str = "rdpi_real"
+    parts: Sequence[Part] = ()  # in their order, from the first number on; empty: none is named
+    about: str = ""
 
 
 @dataclass(frozen=True)
@@ -34,6 +45,8 @@ class Memory:
     rest: NDArray[Any]
     by_reference: Array  # added to it by each µm (code) of the first reference; zero for a plant
     type: str = "rdpi_real"
+    parts: Sequence[Part] = ()  # as those of a table
+    about: str = ""
 
 
 @dataclass(frozen=True)

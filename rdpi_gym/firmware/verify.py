@@ -235,7 +235,9 @@ class _Program:
         for name in (f"{source.name}.c", f"{source.name}.h", "main.c", "rdpi_vectors.h"):
             (place / name).write_bytes(read_bytes(folder / name, _LARGEST))
         driver = place / "batch.c"
-        driver.write_text(template(f"batch_{source.program.kind}.c"), encoding="utf-8")
+        driver.write_text(
+            source.named(template(f"batch_{source.program.kind}.c")), encoding="utf-8"
+        )
         self._main = build([code, place / "main.c"], place / f"main_{precision}", precision, place)
         self._batch = build([code, driver], place / f"batch_{precision}", precision, place)
 

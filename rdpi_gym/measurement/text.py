@@ -17,6 +17,7 @@ from typing import IO, NoReturn, cast
 import numpy as np
 
 from rdpi_gym.measurement.table import PACKED, REQUIRED, Table, from_header, label, select
+from rdpi_gym.measurement.units import is_unit
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import open_regular, read_bytes
@@ -179,8 +180,12 @@ def find_layout(
     filled = [cell for cell in first if cell]
     # a damaged first row of values still holds numbers, and a header may hold a name such as "2"
     if 2 * sum(map(is_number, filled)) < len(filled):
-        width = len(split_cells(rows[1], delimiter)) if len(rows) > 1 else len(first)
-        return Layout(delimiter, _names(rows[0], delimiter, width), first_line, width), 1
+        below = split_cells(rows[1], delimiter) if len(rows) > 1 else first
+        names = _names(rows[0], delimiter, len(below))
+        if len(names) == len(below) and all(map(is_unit, below)):
+            with_units = (f"{n} [{u.strip(' []()')}]" for n, u in zip(names, below, strict=True))
+            return Layout(delimiter, tuple(with_units), first_line, len(below)), 2
+        return Layout(delimiter, names, first_line, len(below)), 1
     names = _names(comment, delimiter, len(first))
     if len(names) != len(first):
         names = ()

@@ -27,8 +27,8 @@ _ALONE = {
 }  # fmt: skip
 _SPELLED = {"Nm": "N·m", "N*m": "N·m", "N m": "N·m", "m/s^2": "m/s²", "m/s2": "m/s²"}
 _BRACKETS = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")
-_SUFFIX = re.compile(r"(.*[^_])_([A-Za-zµμ%]+)")
-# After an underscore these are as often a word's beginning: y_m may be what was measured.
+_SUFFIX = re.compile(r"(.*[^_/\s])(?:_|\s*/\s*|\s+)([A-Za-zµμ%]+)")
+# Without brackets these are as often a word's beginning: y_m may be what was measured.
 _NO_SUFFIXES = ("m", "A", "K", "in", "p", "n")
 
 
@@ -83,6 +83,12 @@ def split_name(name: str) -> tuple[str, str]:
         if found and found[2] not in refused and (measured_by(found[2]) or found[2] in _OTHERS):
             return found[1].strip(), found[2]
     return name, ""
+
+
+def is_unit(cell: str) -> bool:
+    """Whether a cell below a name holds its unit, in brackets or without."""
+    bare = cell.strip(" []()")
+    return bool(measured_by(bare)) or bare in _OTHERS
 
 
 # Units of time and temperature, which have columns of their own.

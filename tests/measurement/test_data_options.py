@@ -16,6 +16,20 @@ from tests.looping import over
 
 
 @over(
+    "header",
+    ["t [ms];u [mV];y [nm]", "t (ms);u (mV);y (nm)", "t_ms;u_mV;y_nm", "t/ms;u / mV;y/nm", "t ms;u mV;y nm",
+     "t;u;y\nms;mV;nm", "t;u;y\n[ms];[mV];[nm]", '"t";"u";"y"\n"(ms)";"(mV)";"(nm)"'],
+)  # fmt: skip
+def test_units_of_a_header(write, header) -> None:
+    rows = [f"{k},0;{k % 7},5;{k % 5},25" for k in range(40)]
+    data = load(write("run.csv", "\n".join([header, *rows, ""])))
+    (record,) = data.records
+    assert record.ts_s == pytest.approx(1e-3)
+    assert (record.u_V[1], record.y_um[1]) == pytest.approx((1.5e-3, 1.25e-3))
+    assert data.units_assumed == ""
+
+
+@over(
     "header, toml, options, asked",
     [
         ("t,u,y", "", DataOptions(), "no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others"),

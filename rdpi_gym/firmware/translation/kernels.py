@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rdpi_gym.firmware.program import C_TYPES, Block, Kind, Known, Number, Value
+from rdpi_gym.firmware.program import C_TYPES, Block, Kind, Known, Number, Value, literal
 from rdpi_gym.firmware.translation.arithmetic import (
     Arithmetic,
     Entry,
@@ -35,6 +36,7 @@ from rdpi_gym.firmware.translation.scope import (
 from rdpi_gym.support.errors import InputError
 
 _TRIES = 20
+_PLAIN = (-1.0, 0.0, 0.5, 1.0, 2.0)  # numbers that say as much as a name
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class Functions:
         text = "\n".join(
             [f"static {head} {name}({', '.join(parameters) or 'void'}) {{", *body.lines, "}", ""]
         )
-        self._texts.append(text)
+        self._texts.append(_with_names(text, name, source.parameters, values))
         return _Function(name, tuple(passed), returns, frozenset(writes))
 
     def _unique(self, name: str) -> str:
@@ -156,6 +158,20 @@ class Functions:
         count = self._names.get(base, 0)
         self._names[base] = count + 1
         return f"{base}_{count + 1}" if count else base
+
+
+def _with_names(text: str, name: str, parameters: Sequence[str], values: Sequence[Value]) -> str:
+    """Return a function whose known arguments stand in it by name, as constants above it."""
+    constants = []
+    for parameter, value in zip(parameters, values, strict=True):
+        number = value.value if isinstance(value, Known) else None
+        if not isinstance(number, float) or not math.isfinite(number) or number in _PLAIN:
+            continue
+        constant, shown = f"{name}_{parameter}".upper(), literal(number)
+        if shown in text:
+            text = text.replace(shown, constant)
+            constants.append(f"#define {constant} {shown}\n")
+    return "".join([*constants, text])
 
 
 def _filled(kernel: Any, arguments: Sequence[Value]) -> list[Value]:

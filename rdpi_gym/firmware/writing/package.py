@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -57,6 +57,8 @@ class Package:
         name, kind = source.name, source.program.kind
         values = {
             "NAME": name,
+            "LIBRARY": source.prefix or "rdpi",
+            "VECTORS": f"{source.prefix}_vectors" if source.prefix else "vectors",
             "KIND": kind,
             "UPPER": name.upper(),
             "TITLE": safe(source.program.title),
@@ -75,13 +77,15 @@ class Package:
         texts = {
             f"{name}.h": header_text(source),
             f"{name}.c": source_text(source),
-            f"{name}_sfunction.c": sfunction_text(source.program),
+            f"{name}_sfunction.c": source.named(sfunction_text(source.program)),
             "rdpi_vectors.h": vectors_text(source, made),
             **{
-                to: filled(template(f"package/{of}"), parts, **values) for to, of in c_files.items()
+                to: source.named(filled(template(f"package/{of}"), parts, **values))
+                for to, of in c_files.items()
             },
         }
-        code = texts[f"{name}.h"] + texts[f"{name}.c"]
+        plain = replace(source, prefix=None)
+        code = header_text(plain) + source_text(plain)
         texts["README.md"] = manual_text(source, code, (*self.warnings, *self.notes), roundings)
         return texts
 
@@ -89,7 +93,7 @@ class Package:
 def write_package(package: Package, out: Path) -> Path:
     """Write the folder, whole or not at all."""
     texts = package.files()
-    known = {DESCRIPTION, BUILD, *texts, *_OTHER}
+    known = {DESCRIPTION, BUILD, *texts}
     check_out(out, known)
     with replaced_folder(out) as fresh:
         for name, text in texts.items():
@@ -99,9 +103,7 @@ def write_package(package: Package, out: Path) -> Path:
 
 
 _WORDS = {64: "DOUBLE", 32: "FLOAT", 31: "WHOLE"}
-_OTHER = tuple(
-    f"rdpi_{kind}{end}" for kind in ("controller", "plant") for end in (".h", ".c", "_sfunction.c")
-)
+_ENDS = (".h", ".c", "_sfunction.c")
 
 
 def check_out(out: Path, known: set[str] | None = None) -> None:
@@ -113,12 +115,14 @@ def check_out(out: Path, known: set[str] | None = None) -> None:
     if not any(out.iterdir()):
         return
     try:
-        read_json(out / DESCRIPTION, FORMAT, VERSION)
+        earlier = read_json(out / DESCRIPTION, FORMAT, VERSION)
     except InputError:
         raise InputError(
             f"{out} holds files and no export of C; name a new folder, or an empty one"
         ) from None
     if known is not None:
+        names = earlier.get("prefix"), *(f"rdpi_{kind}" for kind in _UNITS)
+        known = known | {f"{name}{end}" for name in names for end in _ENDS}
         places = (path.relative_to(out) for path in sorted(out.rglob("*")) if not path.is_dir())
         others = [str(p) for p in places if p.as_posix() not in known and p.parts[0] != BUILD]
         if others:
@@ -399,7 +403,7 @@ def manual_text(
             0, f"{roundings.warning} Look at what it does in float before it drives a stage."
         )
     reach = source.reach_um
-    return filled(
+    page = filled(
         template(f"package/README_{kind}.md"),
         frozenset({"FIXED"} if source.fixed is not None else set())
         | frozenset({"MATH"} if source.has_mathematics else set()),
@@ -424,6 +428,7 @@ def manual_text(
         DEVIATIONS="; ".join(f"{rule}, {why}" for rule, why in DEVIATIONS.items()),
         NOTES="\n".join(f"- {_plain(note)}" for note in notes) or "- None.",
     )
+    return source.named(page)
 
 
 def state_bytes(source: Source, precision: int) -> tuple[int, int]:
@@ -463,7 +468,7 @@ def _operations(source: Source, code: str) -> str:
     rows = []
     for precision in source.precisions:
         try:
-            found = count(code, f"{source.name}_step", precision=precision)
+            found = count(code, f"{source.usual}_step", precision=precision)
         except InputError as error:
             return f"Not counted: {_plain(str(error))}"
         rows.append([_NAMES[precision], *_cells(found, precision)])

@@ -13,9 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from rdpi_gym.firmware.fixed_point import FixedPoint
-from rdpi_gym.firmware.program import C_KEYWORDS, Memory, Program, Table, literal
+from rdpi_gym.firmware.program import C_KEYWORDS, Memory, Program, Table, literal, words
 from rdpi_gym.firmware.writing.templating import filled, helpers, template
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
+_LONGEST_PREFIX = 40
+_PREFIX = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{_LONGEST_PREFIX - 1}}}")
+_HEADERS = words("math simstruc simulink stdint stdio stdlib string cg_sfun rdpi_vectors")
+_TAKEN = C_KEYWORDS | _HEADERS | {"main", "rdpi", "step"}
+"""Prefixes that are names of C, of files beside the code, or those of the code's own functions."""
 FARTHEST = 1000.0
 """Inputs farther than this many scales from their centre are out of range."""
 _LONGEST_TITLE = 60
@@ -35,11 +42,32 @@ class Source:
     program: Program
     reach_um: tuple[float, float] | None = None
     fixed: FixedPoint | None = None
+    prefix: str | None = None  # of its files and identifiers; None: rdpi_controller or rdpi_plant
+
+    def __post_init__(self) -> None:
+        prefix = self.prefix
+        if prefix is None:
+            return
+        if not _PREFIX.fullmatch(prefix) or prefix.lower() in _TAKEN:
+            raise InputError(
+                f"prefix is {quoted(prefix)}; give an identifier of C of {_LONGEST_PREFIX} letters, digits "
+                "and _ at most that begins with a letter, such as x_axis, and is no name of C, main, rdpi or step"
+            )
+
+    @property
+    def usual(self) -> str:
+        """Prefix in the templates, and in an export that names no other."""
+        return f"rdpi_{self.program.kind}"
 
     @property
     def name(self) -> str:
-        """Name of its files, and what its identifiers begin with."""
-        return f"rdpi_{self.program.kind}"
+        """Name of its files, and prefix of its identifiers."""
+        return self.prefix or self.usual
+
+    def named(self, text: str) -> str:
+        """Return a text with its own prefix in place of the usual one."""
+        own = re.sub(rf"\b{self.usual}(?![a-z0-9])", self.name, text)
+        return re.sub(rf"\b{self.usual.upper()}(?![A-Z0-9])", self.name.upper(), own)
 
     @property
     def precisions(self) -> tuple[int, ...]:
@@ -67,13 +95,13 @@ class Source:
 
 def safe(text: str) -> str:
     """Return words of a user as they may stand in a comment of C: none of them ends it."""
-    plain = re.sub(r"[^A-Za-z0-9 _.,:;+()=-]+", "_", text)
+    plain = re.sub(r"[^A-Za-z0-9 _.,:;+()=/-]+", "_", text.replace("µ", "u"))
     return plain if len(plain) <= _LONGEST_TITLE else f"{plain[: _LONGEST_TITLE - 3]}..."
 
 
 def header_text(source: Source) -> str:
     """Return the header: types, the API, the limits of commands and references."""
-    program, fixed, name = source.program, source.fixed, source.name
+    program, fixed, name = source.program, source.fixed, source.usual
     ends = {
         "LOW_V": program.command_range_V[0],
         "HIGH_V": program.command_range_V[1],
@@ -96,7 +124,7 @@ def header_text(source: Source) -> str:
             "VOLTS": repr(fixed.voltage_scale_V),
         }
     is_plant = program.kind == "plant"
-    return filled(
+    text = filled(
         template("header.h"),
         {program.kind.upper(), "FLOATING" if fixed is None else "FIXED"},
         NAME=name,
@@ -110,11 +138,12 @@ def header_text(source: Source) -> str:
         STRUCTS=_structs(name, program.tables, program.memory),
         **values,
     )
+    return source.named(text)
 
 
 def source_text(source: Source) -> str:
     """Return the source: tables, the body, and what checks its inputs and its output."""
-    program, fixed, name = source.program, source.fixed, source.name
+    program, fixed, name = source.program, source.fixed, source.usual
     wall = _wall(source)
     own = _own_text(program.tables, program.memory, program.functions, program.step, source)
     asked = identifiers(own + wall)
@@ -139,7 +168,7 @@ def source_text(source: Source) -> str:
     else:
         text = _own_text(fixed.tables, fixed.memory, fixed.functions, fixed.step, source)
         lines += ["#if RDPI_PRECISION == 31", "", text, "#else", "", *reals, "#endif", ""]
-    return "\n".join([*lines, wall])
+    return source.named("\n".join([*lines, wall]))
 
 
 def identifiers(text: str) -> set[str]:
@@ -160,7 +189,8 @@ def _fields(parts: Iterable[Table | Memory]) -> Iterator[str]:
             raise ValueError(f"{part.name!r} is no new identifier of C")
         known.add(part.name)
         count = len(part.values if isinstance(part, Table) else part.rest)
-        yield f"    {part.type} {part.name}[{count}];"
+        about = f" /* {safe(part.about)} */" if part.about else ""
+        yield f"    {part.type} {part.name}[{count}];{about}"
     if not known:
         yield "    uint8_t none;"
 
@@ -181,8 +211,24 @@ def _structs(
             "typedef struct {",
             *_fields(memory),
             f"}} {name}_memory;",
+            *_places(name, [*tables, *memory]),
         ]
     )
+
+
+def _places(name: str, fields: Iterable[Table | Memory]) -> Iterator[str]:
+    """First places of the parts of fields, by name."""
+    for kept in (field for field in fields if field.parts):
+        kind = "parameters" if isinstance(kept, Table) else "memory"
+        stem = "_".join(dict.fromkeys((name, kind, kept.name)))
+        yield from ["", f"/* Places in {kept.name} of the {kind}. */"]
+        at = 0
+        for part in kept.parts:
+            count = f"{part.count} numbers" if part.count > 1 else ""
+            about = safe(", ".join(filter(None, (count, part.unit))))
+            comment = f" /* {about} */" if about else ""
+            yield f"#define {f'{stem}_{part.name}'.upper()} {at}{comment}"
+            at += part.count
 
 
 def _macros(asked: set[str], own: set[str]) -> list[str]:
@@ -211,7 +257,7 @@ def _own_text(
     source: Source,
 ) -> str:
     """Tables, what memory is at rest, the functions and the body, in one precision."""
-    name = source.name
+    name = source.usual
     lines = [f"const {name}_parameters {name}_default = {{"]
     lines += [braced([_number(value, table.type) for value in table.values]) for table in tables]
     lines += ["    0"] if not tables else []

@@ -20,7 +20,7 @@ export function beginPayoff() {
   });
   byId("reference").addEventListener("change", shape);
   watch((server) => [server.current, server.records.map((record) => record.y), server.job?.what], ready);
-  watch((server, ui) => [server.payoff, server.quantities, ui.theme], drawPayoff);
+  watch((server, ui) => [server.payoff, server.noise_um, server.quantities, ui.theme], drawPayoff);
   watch((server, ui) => [server.quantities, ui.theme], shape);
   drawing();
 }
@@ -114,20 +114,28 @@ function drawPayoff() {
   const told = store.server.steps[payoff.step] ?? presentStep(store.server);
   byId("payoff-step").textContent = stale ? `For the model “${told?.label ?? payoff.step}”; simulate again for the present one.` : "";
   const share = (value) => (value === null || value === undefined ? "" : h("small", {}, ` ${number(value, 2)} %`));
+  // what no measurement would show is no gain either
+  const noise = store.server.noise_um ?? 0;
+  const error = (um, percent) => (um !== null && um < noise ? ["below sensor noise"] : [number(um), share(percent)]);
+  const ratio = ({before_um: before, after_um: after}) => {
+    const least = Math.max(after, noise);
+    if (!(least > 0) || !Number.isFinite(before) || before < noise) return "–";
+    return `${after < noise ? "> " : ""}${number(before / least, 2)}×`;
+  };
   replace(byId("payoff-rows"), payoff.rows.flatMap((row) => [
     h("tr", {class: row.warning ? "warned" : null},
       h("th", {scope: "row"}, row.controller),
-      h("td", {}, number(row.before_um), share(row.before_percent)),
-      h("td", {}, h("b", {}, number(row.after_um)), share(row.after_percent)),
-      h("td", {}, row.after_um > 0 && Number.isFinite(row.before_um) ? `${number(row.before_um / row.after_um, 2)}×` : "–")),
+      h("td", {}, ...error(row.before_um, row.before_percent)),
+      h("td", {}, h("b", {}, ...error(row.after_um, row.after_percent))),
+      h("td", {}, ratio(row))),
     row.warning ? h("tr", {class: "warning"}, h("td", {colspan: "4"}, row.warning)) : ""]));
   byId("payoff-unit").textContent = `Tracking error, rms, ${y} and % of the amplitude`;
   const {t_s: t, reference_um: reference, before_um: before, after_um: after} = payoff.trace;
-  const error = (of) => of.map((value, i) => (value === null ? null : value - reference[i]));
+  const left = (of) => of.map((value, i) => (value === null ? null : value - reference[i]));
   byId("payoff-title").textContent = `${payoff.trace.title ?? "Tracking error"}, ${y}`;
   draw(byId("payoff"), [
     line("reference (own scale)", t, reference, {colour: colour("reference"), width: 1, dash: "dot", yaxis: "y2"}),
-    line("before", t, error(before), {colour: colour("rising"), width: 1.2}),
-    line("after", t, error(after), {colour: colour("model"), width: 1.2}),
+    line("before", t, left(before), {colour: colour("rising"), width: 1.2}),
+    line("after", t, left(after), {colour: colour("model"), width: 1.2}),
   ], {hover: "x unified", x: {hoverformat: ".5~g"}, y2: {overlaying: "y", visible: false}});
 }

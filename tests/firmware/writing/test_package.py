@@ -3,20 +3,25 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import product
 
 import pytest
 
 from rdpi_gym.firmware.making import package_of
+from rdpi_gym.firmware.program import Table
+from rdpi_gym.firmware.verify import verify
 from rdpi_gym.firmware.writing import package as packages
 from rdpi_gym.firmware.writing.package import DEVIATIONS, Package, state_bytes, write_package
-from rdpi_gym.firmware.writing.source import Source
-from rdpi_gym.plant import named_plant
+from rdpi_gym.firmware.writing.source import Source, header_text, source_text
+from rdpi_gym.plant import P10, named_plant
+from rdpi_gym.plant.effects import load_effect
 from rdpi_gym.support.errors import InputError
 from tests.firmware.programs import (
     COMPILERS,
     CONTROLLER,
     PLANT,
+    STRICT,
     compiles,
     needs_gcc,
     needs_gcc_or_clang,
@@ -194,3 +199,63 @@ def test_cmake_builds_it(exported):
         assert done.returncode == 0, done.stdout + done.stderr
     shutil.rmtree(build)
     assert f"out of {len(package.source.precisions)}" in done.stdout
+
+
+@needs_gcc_or_clang
+def test_two_exports_with_prefixes_are_one_program_and_verified(tmp_path):
+    sources, calls, heads = [], [], []
+    for prefix, controller in (("x_axis", "classical-static"), ("Y2", "pi"), ("stage", None)):
+        package = package_of(named_plant("P5"), 1e-4, controller, prefix=prefix)
+        folder = write_package(package, tmp_path / prefix)
+        assert all(row.passed for row in verify(folder, 2, 20).rows)
+        assert not re.search(r"rdpi_(controller|plant)", "".join(package.files().values()))
+        sources.append(folder / f"{prefix}.c")
+        heads.append(f'#include "{sources[-1].with_suffix(".h")}"')
+        first = "" if controller is None else ", 0.0"
+        calls.append(
+            f"{prefix}_state s_{prefix}; {prefix}_init(&s_{prefix}, &{prefix}_default{first});"
+        )
+    program = tmp_path / "both.c"
+    program.write_text("\n".join([*heads, "int main(void)", "{", *calls, "return 0;", "}", ""]))
+    for compiler in COMPILERS:
+        words = [
+            compiler,
+            *STRICT,
+            str(program),
+            *map(str, sources),
+            "-o",
+            str(tmp_path / "both"),
+            "-lm",
+        ]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert subprocess.run([str(tmp_path / "both")], check=False).returncode == 0
+
+
+def test_an_export_of_another_prefix_is_replaced(tmp_path):
+    out = tmp_path / "out"
+    for prefix in ("one", "two", None):
+        write_package(package_of(named_plant("P5"), 1e-4, prefix=prefix), out)
+    assert sorted(path.stem for path in out.glob("*.c")) == [
+        "main",
+        "rdpi_plant",
+        "rdpi_plant_sfunction",
+    ]
+
+
+def test_numbers_of_the_structs_have_names_and_units():
+    belief = replace(P10, effects=(load_effect("creep")(), load_effect("resonance")()))
+    programs = [package_of(belief, 1e-4, name).source for name in ("pi-classical-static", None)]
+    shown = [header_text(source) for source in programs]
+    assert "#define RDPI_CONTROLLER_PARAMETERS_DELTA2_S 21\n" in shown[0]
+    assert "#define RDPI_CONTROLLER_MEMORY_STATE_INTEGRAL_V 1\n" in shown[0]
+    assert "#define RDPI_PLANT_PARAMETERS_CORE_DELTA2_S 21 /* s */\n" in shown[1]
+    assert programs[1].program.tables[0].values[21] == P10.hysteresis.delta2_s
+    assert re.search(r"rdpi_real resonance\[\d+\]; /\* f0_hz = \d+, damping = [\d.]+ \*/", shown[1])
+    for source in programs:
+        for field in (*source.program.tables, *source.program.memory):
+            count = len(field.values if isinstance(field, Table) else field.rest)
+            assert not field.parts or sum(part.count for part in field.parts) == count
+    text = source_text(programs[0])
+    assert re.search(r"#define STEP_FEED_BACK_INTEGRAL_V_UM RDPI_C\(\S+\)\n", text)
+    assert "STEP_FEED_BACK_INTEGRAL_V_UM * error[0]" in text
