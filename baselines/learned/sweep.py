@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from baselines.learned.options import CONFIG, DivergedError, TrainingOptions, check_same, read_curve
 from baselines.learned.settings import read_values, read_yaml
-from rdpi_gym.support.checks import is_finite, is_whole, shown
+from rdpi_gym.support.checks import is_finite, is_whole
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_atomic, write_json
 from rdpi_gym.support.progress import Progress, silent
@@ -246,7 +246,7 @@ def sweep(
 ) -> Sweep:
     """Train with hyper-parameters that Optuna chooses; the same call goes on with a sweep."""
     if not is_whole(trials, 1):
-        raise InputError(f"sweep is {shown(trials)}; give the number of trials, 1 or more")
+        raise InputError(f"sweep is {quoted(trials)}; give the number of trials, 1 or more")
     found = read_space(space or SPACES / f"{algorithm}.yml")
     values = read_values(options.file(algorithm))
     out, show = options.out, progress or silent

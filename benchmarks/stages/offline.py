@@ -18,7 +18,7 @@ from baselines.learned.options import check_same
 from rdpi_gym.envs.tasks import StageTask, named_task
 from rdpi_gym.envs.tasks.environment import TaskEnv
 from rdpi_gym.envs.tasks.task import ChangingPlant
-from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, replaced_folder, settled_folder, write_json
 from rdpi_gym.support.progress import Progress, silent
@@ -141,7 +141,7 @@ class _Random:
 def _check(names: Sequence[str], episodes: int, steps: int, seed: int, action: str) -> None:
     for what, value, least in (("episodes", episodes, 1), ("steps", steps, 1), ("seed", seed, 0)):
         if not is_whole(value, least):
-            raise InputError(f"{what} is {shown(value)}; give a whole number of {least} or more")
+            raise InputError(f"{what} is {quoted(value)}; give a whole number of {least} or more")
     if action not in get_args(ActionReading):
         raise InputError(
             f"action {quoted(action)} is unknown; choose {', '.join(get_args(ActionReading))}"

@@ -28,7 +28,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.support.store import open_study
@@ -114,7 +114,7 @@ def tune(
     target = named_task(task)
     for what, value in (("trials", trials), ("plants", plants)):
         if not is_whole(value, 1):
-            raise InputError(f"{what} is {shown(value)}; give a whole number of 1 or more")
+            raise InputError(f"{what} is {quoted(value)}; give a whole number of 1 or more")
     path = out / f"{name}.json"
     known = read_tunings(path, name, knobs) if path.exists() else {}
     study = _study(name, target, out, seed, plants, knobs)

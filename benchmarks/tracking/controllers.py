@@ -24,9 +24,9 @@ from baselines.tuning import TUNED
 from benchmarks.tracking.stages import SUITE_VERSION
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files, used_files
+from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
     from baselines.learned.imitation.policy import StudentPolicy
@@ -89,14 +89,14 @@ def named(controllers: Sequence[Any]) -> Mapping[str, ControllerFactory]:
             layout = getattr(each, "layout", None)
             if not isinstance(layout, ObservationLayout):
                 raise InputError(
-                    f"controller {shown(each)} has no layout; give a callable (belief, layout) that makes it"
+                    f"controller {quoted(each)} has no layout; give a callable (belief, layout) that makes it"
                 )
             label, factory = f"{type(each).__name__} (made)", Made(each, layout)
         elif callable(each):
             label, factory = str(getattr(each, "__name__", type(each).__name__)), each
         else:
             raise InputError(
-                f"controller {shown(each)}: give a name, a callable (belief, layout), or a controller"
+                f"controller {quoted(each)}: give a name, a callable (belief, layout), or a controller"
             )
         count = 1
         while (name := label if count == 1 else f"{label} {count}") in {*found, *CONTROLLERS}:

@@ -110,7 +110,6 @@ def _tests(result: rg.Comparison | rg.ModelComparison) -> list[str]:
     return [
         f"Without a model: {len(noticed)} of {len(one.checks)} tests found something, "
         f"{unclear} cannot tell.",
-        *(f"- {check.sentence}" for check in noticed),
         "",
     ]
 

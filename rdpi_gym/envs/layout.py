@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from rdpi_gym.plant import PlantModel, check_ts
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, is_whole, shown
+from rdpi_gym.support.checks import is_finite, is_whole
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 _FARTHEST = 100_000  # samples ahead
 
@@ -124,29 +125,29 @@ class ObservationLayout:
         object.__setattr__(self, "ts_s", check_ts(self.ts_s))
         if not is_whole(self.preview, 1) or self.preview > _FARTHEST:
             raise InputError(
-                f"preview is {shown(self.preview)}; show a whole number of samples ahead, at least 1 "
+                f"preview is {quoted(self.preview)}; show a whole number of samples ahead, at least 1 "
                 f"and at most {_FARTHEST}"
             )
         object.__setattr__(self, "preview", int(self.preview))
         if not isinstance(self.action, str) or self.action not in get_args(ActionMode):
             raise InputError(
-                f"action {shown(self.action)} is unknown; choose {', '.join(get_args(ActionMode))}"
+                f"action {quoted(self.action)} is unknown; choose {', '.join(get_args(ActionMode))}"
             )
         if not is_finite(self.centre_um):
             raise InputError(
-                f"centre_um is {shown(self.centre_um)}; give a finite displacement (µm)"
+                f"centre_um is {quoted(self.centre_um)}; give a finite displacement (µm)"
             )
         for name in ("scale_um", "action_scale_V"):
             value = getattr(self, name)
             if not (is_finite(value) and value > 0):
-                raise InputError(f"{name} is {shown(value)}; give a finite value above 0")
+                raise InputError(f"{name} is {quoted(value)}; give a finite value above 0")
         for name in ("centre_um", "scale_um", "action_scale_V"):
             object.__setattr__(self, name, float(getattr(self, name)))
         given = self.fields if isinstance(self.fields, list | tuple) else ()
         fields = tuple(name for name in given if isinstance(name, str))
         if not set(DEFAULT_FIELDS) <= set(fields) <= set(NAMES) or len(set(fields)) < len(given):
             raise InputError(
-                f"fields is {shown(self.fields)}; give names among {', '.join(NAMES)}, each once, "
+                f"fields is {quoted(self.fields)}; give names among {', '.join(NAMES)}, each once, "
                 f"{', '.join(DEFAULT_FIELDS)} among them"
             )
         object.__setattr__(self, "fields", fields)

@@ -32,8 +32,9 @@ from rdpi_gym.envs.unit_box import UnitBox
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Signal
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, is_whole, shape_of, shown
+from rdpi_gym.support.checks import is_finite, is_whole, shape_of
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
     from rdpi_gym.envs.rendering import LiveFigure
@@ -49,11 +50,11 @@ def read_options(options: Any, *more: str) -> dict[str, Any]:
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise InputError(f"options is {shown(options)}; give a dictionary, or None")
+        raise InputError(f"options is {quoted(options)}; give a dictionary, or None")
     known = (*_OPTIONS, *more)
     for key in options:
         if key not in known:
-            raise InputError(f"reset has no option {shown(key)}; it has {', '.join(known)}")
+            raise InputError(f"reset has no option {quoted(key)}; it has {', '.join(known)}")
     return dict(options)
 
 
@@ -238,7 +239,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         )
         if not (is_finite(command_cost) and command_cost >= 0.0):
             raise InputError(
-                f"command_cost is {shown(command_cost)}; give a finite price of 0 or above"
+                f"command_cost is {quoted(command_cost)}; give a finite price of 0 or above"
             )
         self.command_cost = float(command_cost)
         self.baseline = baseline
@@ -250,7 +251,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         if render_mode is not None and not (
             isinstance(render_mode, str) and render_mode in self.metadata["render_modes"]
         ):
-            raise InputError(f"render_mode is {shown(render_mode)}; give 'rgb_array' or None")
+            raise InputError(f"render_mode is {quoted(render_mode)}; give 'rgb_array' or None")
         self.render_mode = render_mode
         self._figure: LiveFigure | None = None
         self._task = self._track(self.nominal)
@@ -269,7 +270,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             An unknown option, or one that no episode can be made of.
         """
         if seed is not None and not is_whole(seed, 0):
-            raise InputError(f"seed is {shown(seed)}; give a whole number of 0 or more, or None")
+            raise InputError(f"seed is {quoted(seed)}; give a whole number of 0 or more, or None")
         chosen = read_options(options)
         super().reset(seed=None if seed is None else int(seed))
         plant_seed, reference_seed, noise_seed = self.np_random.integers(2**63, size=3).tolist()
@@ -415,7 +416,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         correcting = self.layout.action == "correction"
         if correcting != (baseline is not None) or not isinstance(baseline, str | None):
             raise InputError(
-                f"action is {self.layout.action!r} and baseline is {shown(baseline)}; the name of a baseline is given "
+                f"action is {self.layout.action!r} and baseline is {quoted(baseline)}; the name of a baseline is given "
                 "with action='correction', and only there"
             )
         return None if baseline is None else Correction(baseline, self.belief, self.layout)

@@ -23,8 +23,9 @@ from rdpi_gym.envs.layout import (
 )
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # Samples of noise drawn at a time: one call of a generator costs as much as a hundred numbers.
 _NOISE_ROWS = 1024
@@ -131,7 +132,7 @@ class TrackingTask:
     ) -> None:
         unlimited = isinstance(range_um, float) and range_um == math.inf
         if not (unlimited or (is_finite(range_um) and range_um > 0)):
-            raise InputError(f"range_um is {shown(range_um)}; give a displacement above 0 µm")
+            raise InputError(f"range_um is {quoted(range_um)}; give a displacement above 0 µm")
         self.layout = layout
         self.plant = models if isinstance(models, Plant) else Plant(models, layout.ts_s)
         sensors = [model.sensor for model in self.plant.models]
@@ -244,7 +245,7 @@ class TrackingTask:
             reference = np.ascontiguousarray(reference_um, dtype=np.float64)
         except (TypeError, ValueError):
             raise InputError(
-                f"the reference is {shown(reference_um)}; give displacements (µm)"
+                f"the reference is {quoted(reference_um)}; give displacements (µm)"
             ) from None
         if reference.ndim != 2 or len(reference) == 0 or reference.shape[1] != self.lanes:
             raise InputError(

@@ -14,8 +14,9 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, find_plant
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.signals import SIGNALS, Signal, make_signal
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # What an episode's options may say of its plant: a plant, and fields of its hysteresis.
 PLANT_OPTIONS = ("plant", "weights", "thresholds_V", "delta2_s")
@@ -37,7 +38,7 @@ def choose_plant(choice: PlantChoice) -> PlantModel:
     if isinstance(choice, Mapping):
         return PlantModel.from_dict(choice)
     raise InputError(
-        f"plant is {shown(choice)}; give the name of a plant, the path of its JSON file, or its dictionary"
+        f"plant is {quoted(choice)}; give the name of a plant, the path of its JSON file, or its dictionary"
     )
 
 
@@ -146,7 +147,7 @@ class TruthSource:
         for name, width in widths.items():
             if not (is_finite(width) and 0.0 <= width < 1.0):
                 raise InputError(
-                    f"{name} is {shown(width)}; give a relative half-width of 0 to below 1"
+                    f"{name} is {quoted(width)}; give a relative half-width of 0 to below 1"
                 )
         self.half_width, self.effects_half_width = float(half_width), float(effects_half_width)
         self._rate_bandwidth_hz = rate_bandwidth_hz
@@ -235,17 +236,17 @@ class ReferenceSource:
             return choice
         if not isinstance(choice, str | Mapping):
             raise InputError(
-                f"reference {shown(choice)} is {type(choice).__name__}; give a name, a dictionary or "
+                f"reference {quoted(choice)} is {type(choice).__name__}; give a name, a dictionary or "
                 "a signal"
             )
         given = {"signal": choice} if isinstance(choice, str) else dict(choice)
         name = given.pop("signal", None)
         if not isinstance(name, str) or name not in SIGNALS:
             raise InputError(
-                f"reference {shown(choice)} names no signal; the signals are {', '.join(SIGNALS)}"
+                f"reference {quoted(choice)} names no signal; the signals are {', '.join(SIGNALS)}"
             )
         if not all(isinstance(key, str) for key in given):
-            raise InputError(f"reference {shown(choice)} has a key that is no text; give names")
+            raise InputError(f"reference {quoted(choice)} has a key that is no text; give names")
         defaults = {
             "smooth_start_s": self.smooth_start_s,
             "frequency_hz": frequency_hz,
@@ -268,7 +269,7 @@ def reference_choices(
     for choice in choices:
         if not isinstance(choice, str | Mapping | Signal):
             raise InputError(
-                f"reference {shown(choice)} is {type(choice).__name__}; give a name, a dictionary or a signal"
+                f"reference {quoted(choice)} is {type(choice).__name__}; give a name, a dictionary or a signal"
             )
     return choices
 
@@ -288,6 +289,6 @@ def frequency_bounds(frequency_hz: FrequencyChoice) -> tuple[float, float]:
         low = high = math.nan
     if not 0.0 < low <= high < math.inf:
         raise InputError(
-            f"frequency_hz is {shown(frequency_hz)}; give a frequency above 0 Hz, or the lowest and the highest"
+            f"frequency_hz is {quoted(frequency_hz)}; give a frequency above 0 Hz, or the lowest and the highest"
         )
     return low, high

@@ -17,10 +17,11 @@ from rdpi_gym.plant.cores.base import CORES, Core
 from rdpi_gym.plant.cores.rdpi import PAPER_III_B, PAPER_IV_B, RDPI
 from rdpi_gym.plant.effects.base import Effect, effect_from_dict, in_chain_order
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.documents import Documents
 from rdpi_gym.support.errors import InputError, printable
 from rdpi_gym.support.files import read_json, write_json
+from rdpi_gym.support.words import quoted
 
 _LONGEST = 2**62
 """Samples of a period that no record ends; more are no machine's whole number."""
@@ -56,7 +57,7 @@ class Sensor:
             value = getattr(self, name)
             if not (is_finite(value) and value >= 0):
                 raise InputError(
-                    f"sensor {name} is {shown(value)}; give a finite value of 0 µm or above"
+                    f"sensor {name} is {quoted(value)}; give a finite value of 0 µm or above"
                 )
 
     def read(self, y_um: Array, rng: np.random.Generator) -> Array:
@@ -91,7 +92,7 @@ class Converter:
 
     def __post_init__(self) -> None:
         if not (is_finite(self.period_s) and self.period_s >= 0):
-            raise InputError(f"converter period_s is {shown(self.period_s)}; give 0 s or above")
+            raise InputError(f"converter period_s is {quoted(self.period_s)}; give 0 s or above")
 
     def samples(self, ts_s: float) -> int:
         """Samples of length `ts_s` (s) that one period holds: 1 where Ts is the period or longer.
@@ -181,7 +182,7 @@ class PlantModel(Generic[AnyCore]):
     def __post_init__(self) -> None:
         for name, kind in _PARTS.items():
             if not isinstance(getattr(self, name), kind):
-                raise InputError(f"{name} is {shown(getattr(self, name))}; give a {kind.__name__}")
+                raise InputError(f"{name} is {quoted(getattr(self, name))}; give a {kind.__name__}")
         low, high = _pair("command_range_V", self.command_range_V)
         if not low < high:
             raise InputError(
@@ -194,19 +195,19 @@ class PlantModel(Generic[AnyCore]):
             )
         if not is_finite(self.offset_um):
             raise InputError(
-                f"offset_um is {shown(self.offset_um)}; give a finite displacement (µm)"
+                f"offset_um is {quoted(self.offset_um)}; give a finite displacement (µm)"
             )
         for name in ("name", "note"):
             text = getattr(self, name)
             if not isinstance(text, str) or printable(text) != text:
-                raise InputError(f"{name} is {shown(text)}; give one line of text")
+                raise InputError(f"{name} is {quoted(text)}; give one line of text")
         if not isinstance(self.identification, Mapping):
-            raise InputError(f"identification is {shown(self.identification)}; give a mapping")
+            raise InputError(f"identification is {quoted(self.identification)}; give a mapping")
         if not isinstance(self.effects, list | tuple) or not all(
             isinstance(effect, Effect) for effect in self.effects
         ):
             raise InputError(
-                f"effects is {shown(self.effects)}; give a tuple of effects, for example "
+                f"effects is {quoted(self.effects)}; give a tuple of effects, for example "
                 '(CATALOGUE["creep"](),)'
             )
         names = [effect.name for effect in self.effects]
@@ -265,7 +266,7 @@ class PlantModel(Generic[AnyCore]):
             A key is missing or unknown, or a value is not what the plant needs.
         """
         if not isinstance(document, Mapping):
-            raise InputError(f"{source} is {shown(document)}; expected a JSON object")
+            raise InputError(f"{source} is {quoted(document)}; expected a JSON object")
         body = {k: v for k, v in document.items() if k not in ("format", "version")}
         if not body.keys() >= {*_NEEDED}:
             raise InputError(f"{source} needs the keys {', '.join(_NEEDED)}")
@@ -319,14 +320,14 @@ def core_from_dict(document: Any, where: str) -> Core:
     body = dict(document)
     name = body.pop("core", RDPI.name)
     if not isinstance(name, str) or (name != RDPI.name and name not in CORES):
-        raise InputError(f"{where}: no core is named {shown(name)}; known are {', '.join(CORES)}")
+        raise InputError(f"{where}: no core is named {quoted(name)}; known are {', '.join(CORES)}")
     return _DOCUMENTS.read_fields(RDPI if name == RDPI.name else CORES[name], body, where)
 
 
 def _pair(name: str, values: Any) -> tuple[float, float]:
     if isinstance(values, list | tuple) and len(values) == 2 and all(map(is_finite, values)):
         return values[0], values[1]
-    raise InputError(f"{name} is {shown(values)}; give two finite numbers")
+    raise InputError(f"{name} is {quoted(values)}; give two finite numbers")
 
 
 P5 = PlantModel(PAPER_III_B, "P5", (-25.0, 25.0), (0.0, 10.0), note="the paper, Section III-B")
@@ -379,7 +380,7 @@ def named_plant(name: str) -> PlantModel:
     1.2213
     """
     if name not in PLANTS:
-        raise InputError(f"no plant is named {shown(name)}; known are {', '.join(PLANTS)}")
+        raise InputError(f"no plant is named {quoted(name)}; known are {', '.join(PLANTS)}")
     if name in MEASURED:
         return PlantModel.load(_library() / f"{name}.json")
     base, _, form = name.partition("-")
@@ -410,6 +411,6 @@ def find_plant(name_or_path: str) -> PlantModel:
         found = False
     if not found:
         raise InputError(
-            f"{shown(name_or_path)} is neither a plant file nor one of {', '.join(PLANTS)}"
+            f"{quoted(name_or_path)} is neither a plant file nor one of {', '.join(PLANTS)}"
         )
     return PlantModel.load(name_or_path)

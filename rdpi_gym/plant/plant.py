@@ -24,8 +24,9 @@ from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects.base import Effect, Slot
 from rdpi_gym.plant.model import PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 
 class Stage:
@@ -166,7 +167,7 @@ class Plant:
         if isinstance(models, PlantModel):
             models = [models] * lanes if is_whole(lanes, 0) else []
         if not isinstance(models, Sequence) or not all(isinstance(m, PlantModel) for m in models):
-            raise InputError(f"models is {shown(models)}; give a PlantModel, or one for each lane")
+            raise InputError(f"models is {quoted(models)}; give a PlantModel, or one for each lane")
         if not models:
             raise InputError("a plant with no lane; give at least one model, or lanes of 1 or more")
         self.models = tuple(models)

@@ -28,10 +28,9 @@ from rdpi_gym.signals.periodic import (
     first_order_reversals,
 )
 from rdpi_gym.signals.steps import Constant, RandomSteps, Steps
-from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import Members
-from rdpi_gym.support.words import guess
+from rdpi_gym.support.words import guess, quoted
 
 __all__ = [
     "SIGNALS",
@@ -124,17 +123,17 @@ def _from_dict(document: Mapping[str, Any], depth: int) -> Signal:
 
 def _make(name: str, fields: Mapping[str, Any], depth: int) -> Signal:
     if not isinstance(name, str):
-        raise InputError(f"a signal's name is text, for example 'sine'; {shown(name)} is none")
+        raise InputError(f"a signal's name is text, for example 'sine'; {quoted(name)} is none")
     if name not in SIGNALS:
         raise InputError(
-            f"unknown signal {shown(name)}{_closest(name, SIGNALS)} The signals are {', '.join(SIGNALS)}"
+            f"unknown signal {quoted(name)}{_closest(name, SIGNALS)} The signals are {', '.join(SIGNALS)}"
         )
     cls = SIGNALS[name]
     declared = {field.name: field for field in dataclasses.fields(cls)}
     for given in fields:
         if given not in declared:
             raise InputError(
-                f"{name}: unknown field {shown(given)}{_closest(given, declared)} "
+                f"{name}: unknown field {quoted(given)}{_closest(given, declared)} "
                 f"Its fields are {', '.join(declared)}"
             )
     for field in declared.values():

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, is_whole, shown
+from rdpi_gym.support.checks import is_finite, is_whole
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 
 def refuse(signal: Any, field: str, wanted: str) -> InputError:
     """Return the error for a field of `signal` that is not as `wanted` says."""
-    return InputError(f"{signal.name}: {field} is {shown(getattr(signal, field))}; give {wanted}")
+    return InputError(f"{signal.name}: {field} is {quoted(getattr(signal, field))}; give {wanted}")
 
 
 def set_number(
@@ -211,10 +212,10 @@ class Signal(ABC):
         """
         if not (is_finite(ts_s) and ts_s > 0.0):
             raise InputError(
-                f"ts_s is {shown(ts_s)}; give a sampling time above 0 s, for example 5e-5"
+                f"ts_s is {quoted(ts_s)}; give a sampling time above 0 s, for example 5e-5"
             )
         if not is_whole(samples, 0):
-            raise InputError(f"samples is {shown(samples)}; give a whole number, 0 or more")
+            raise InputError(f"samples is {quoted(samples)}; give a whole number, 0 or more")
         return self(_times(t)[..., np.newaxis] + ts_s * np.arange(1, samples + 1))
 
     @property
@@ -289,7 +290,7 @@ def _times(t: ArrayLike) -> Array:
     try:
         time = np.asarray(t, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"the times are {shown(t)}; give numbers (s)") from None
+        raise InputError(f"the times are {quoted(t)}; give numbers (s)") from None
     if not np.isfinite(time).all():
         raise InputError("a time is NaN or infinite; give finite times in s")
     return time

@@ -7,7 +7,6 @@ import inspect
 import math
 import numbers
 import os
-import reprlib
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -16,8 +15,6 @@ import numpy as np
 
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import guess, quoted, some
-
-_LONGEST = 60
 
 
 def is_finite(value: object) -> bool:
@@ -65,21 +62,6 @@ def unknown_name(where: str, name: object, known: Iterable[str]) -> InputError:
     meant = guess(name, names)
     hint = f" ({meant})" if meant else ""
     return InputError(f"{where}: {quoted(name)} is unknown{hint}; known are {some(names, 24)}")
-
-
-def shown(value: Any) -> str:
-    """Return a value as an error shows it: one line, shortened where it is long.
-
-    Examples
-    --------
-    >>> shown("ten"), shown(0.5), shown(list(range(100)))
-    ("'ten'", '0.5', '[0, 1, 2, 3, 4, 5, ...]')
-    """
-    try:
-        text = " ".join(reprlib.repr(value).split())
-    except Exception:  # a whole number of thousands of digits, or a foreign object's own fault
-        return f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 P = ParamSpec("P")

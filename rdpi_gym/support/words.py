@@ -13,7 +13,7 @@ _WIDTH = 60
 _MOST_ZEROS = 15  # that a number without exponent is written with: more are not counted at a glance
 _QUOTE = Repr()
 _QUOTE.maxstring = _QUOTE.maxother = _QUOTE.maxlong = _WIDTH
-_QUOTE.maxlist = _QUOTE.maxtuple = _QUOTE.maxdict = 4
+_QUOTE.maxlist = _QUOTE.maxtuple = 6
 _QUOTE.maxlevel = 2
 
 
@@ -56,8 +56,9 @@ def closed(sentence: str) -> str:
 
 
 def capital(sentence: str) -> str:
-    """Begin a sentence with a capital letter, but for one that begins with a Greek symbol."""
-    return sentence[:1].upper() + sentence[1:] if sentence[:1].isascii() else sentence
+    """Begin a sentence with a capital letter, but for one that begins with a symbol, as a_2 or δ2."""
+    is_word = sentence[:2].strip().isalpha()
+    return sentence[:1].upper() + sentence[1:] if is_word else sentence
 
 
 def first_sentence(text: str) -> str:
@@ -77,10 +78,16 @@ def guess(name: object, known: Iterable[str]) -> str:
 
 
 def quoted(value: object) -> str:
-    """Show what a file or a caller gave, for an error line: short, however long it is."""
+    """Show what a file or a caller gave, for an error line: on one line, short, however long it is.
+
+    Examples
+    --------
+    >>> quoted("ten"), quoted(0.5), quoted(list(range(100)))
+    ("'ten'", '0.5', '[0, 1, 2, 3, 4, 5, ...]')
+    """
     try:
-        return _QUOTE.repr(value)
-    except ValueError:  # a whole number of thousands of digits
+        return short(" ".join(_QUOTE.repr(value).split()))
+    except Exception:  # a whole number of thousands of digits, or a foreign object's own fault
         return f"a {type(value).__name__}"
 
 

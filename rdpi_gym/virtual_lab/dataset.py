@@ -19,10 +19,11 @@ from rdpi_gym.plant.cores.play import rate_block
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.signals.experiments import PAUSE_S, Experiment, standard_protocol
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic, write_json
 from rdpi_gym.support.progress import Progress
+from rdpi_gym.support.words import quoted
 from rdpi_gym.virtual_lab.independent.simulation import LARGEST_STEP_S, simulate_truth
 from rdpi_gym.virtual_lab.independent.twin import Mechanism, carried
 
@@ -73,12 +74,12 @@ class Truth:
     def __post_init__(self) -> None:
         if not (is_finite(self.noise_um) and self.noise_um >= 0):
             raise InputError(
-                f"noise_um is {shown(self.noise_um)}; give white noise of 0 µm rms or above, as in 0.012"
+                f"noise_um is {quoted(self.noise_um)}; give white noise of 0 µm rms or above, as in 0.012"
             )
         low, high = TS_FACTORS
         if not (is_finite(self.ts_factor) and low <= self.ts_factor <= high):
             raise InputError(
-                f"ts_factor is {shown(self.ts_factor)}; give a factor on the sampling times from {low} to {high}"
+                f"ts_factor is {quoted(self.ts_factor)}; give a factor on the sampling times from {low} to {high}"
             )
         known = [effect.name for effect in self.plant.effects]
         for effect in self.hidden:

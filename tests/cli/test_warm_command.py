@@ -19,8 +19,7 @@ with compilations() as found:
     data = rg.example("picma")
     model = rg.fit(data, 5)
     rg.compare(data, model)
-    rg.diagnose(data, model, effects=["creep"], jobs=1)
-    rg.simulate("P10", hide="saturation")
+    rg.simulate("P10", hide="creep", ts_factor=4.0)
 print(json.dumps(found.kernels))
 """
 

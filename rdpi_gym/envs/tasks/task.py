@@ -22,8 +22,9 @@ from rdpi_gym.envs.truth import (
 )
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 BLOCK = 25
 """Samples between two changes: what glides does so in steps, all lanes at once."""
@@ -315,11 +316,11 @@ class StageTask:
             No such split, or a number or a seed that is not whole, or below 0.
         """
         if split not in _WORDS:
-            raise InputError(f"split is {shown(split)}; give {', '.join(_WORDS)}")
+            raise InputError(f"split is {quoted(split)}; give {', '.join(_WORDS)}")
         used = (PUBLIC_SEED if split == "test" else 0) if seed is None else seed
         for what, value in (("number", number), ("seed", used)):
             if not is_whole(value, 0):
-                raise InputError(f"{what} is {shown(value)}; give a whole number of 0 or above")
+                raise InputError(f"{what} is {quoted(value)}; give a whole number of 0 or above")
         words = [_KEY, _WORDS[split], zlib.crc32(self.name.encode()), int(used), int(number)]
         plant, reference, noise = np.random.SeedSequence(words).spawn(3)
         truth, later = self.truth(np.random.default_rng(plant), number)

@@ -21,8 +21,9 @@ from rdpi_gym.envs.vector.lanes import Flags, Floats32, Integers, Words
 from rdpi_gym.envs.vector.task import VectorTask
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_whole, shape_of, shown
+from rdpi_gym.support.checks import is_whole, shape_of
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 if TYPE_CHECKING:
     from rdpi_gym.envs.rendering import LiveFigure
@@ -32,7 +33,7 @@ def checked_count(name: str, value: Any, what: str, most: int) -> int:
     """Return a whole number of at least 1 and at most `most`."""
     if not is_whole(value, 1) or value > most:
         raise InputError(
-            f"{name} is {shown(value)}; give a whole number of {what}, at least 1 and at most {most}"
+            f"{name} is {quoted(value)}; give a whole number of {what}, at least 1 and at most {most}"
         )
     return int(value)
 
@@ -43,7 +44,7 @@ def checked_mode(mode: Any) -> AutoresetMode:
         return AutoresetMode(mode)
     except (TypeError, ValueError):
         modes = ", ".join(repr(each.value) for each in AutoresetMode)
-        raise InputError(f"autoreset_mode is {shown(mode)}; give one of {modes}") from None
+        raise InputError(f"autoreset_mode is {quoted(mode)}; give one of {modes}") from None
 
 
 def checked_seeds(seed: Any, lanes: int) -> tuple[Words, Flags]:
@@ -59,12 +60,12 @@ def checked_seeds(seed: Any, lanes: int) -> tuple[Words, Flags]:
     elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
         seeds = list(np.atleast_1d(seed) if isinstance(seed, np.ndarray) else seed)
     else:
-        raise InputError(f"seed is {shown(seed)}; give a whole number, or one for each lane")
+        raise InputError(f"seed is {quoted(seed)}; give a whole number, or one for each lane")
     if len(seeds) != lanes:
         raise InputError(f"{len(seeds)} seeds for {lanes} lanes; give one for each lane")
     for lane, each in enumerate(seeds):
         if each is not None and not (is_whole(each, 0) and each < 2**64):
-            raise InputError(f"the seed of lane {lane} is {shown(each)}; seeds are 0 to 2**64 - 1")
+            raise InputError(f"the seed of lane {lane} is {quoted(each)}; seeds are 0 to 2**64 - 1")
     values = np.array([each or 0 for each in seeds], dtype=np.uint64)
     return values, np.array([each is not None for each in seeds])
 

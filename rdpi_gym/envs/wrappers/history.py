@@ -15,8 +15,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.support.checks import is_whole, shown
+from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 Floats: TypeAlias = NDArray[Any]  # float32, as observations are
 
@@ -35,7 +36,7 @@ class History:
     def __post_init__(self) -> None:
         if not is_whole(self.steps, 0):
             raise InputError(
-                f"history is {shown(self.steps)}; give the number of earlier samples, 0 or above"
+                f"history is {quoted(self.steps)}; give the number of earlier samples, 0 or above"
             )
 
     @property

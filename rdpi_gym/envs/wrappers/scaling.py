@@ -22,8 +22,9 @@ from rdpi_gym.envs.wrappers.history import (
     layout_of,
     map_final,
 )
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Scaling:
         for name in ("frequency_hz", "error"):
             value = getattr(self, name)
             if not (is_finite(value) and value > 0):
-                raise InputError(f"{name} is {shown(value)}; give a finite unit above 0")
+                raise InputError(f"{name} is {quoted(value)}; give a finite unit above 0")
 
     @cached_property
     def matrix(self) -> Floats:

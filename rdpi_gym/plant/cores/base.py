@@ -13,9 +13,10 @@ import numpy as np
 
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import Members
+from rdpi_gym.support.words import quoted
 
 CoreBlock: TypeAlias = Callable[[Array, Array, Array, Array, Array], None]
 """Kernel ``block(u, v, p, state, y)`` over ``float64[T, B]``: command (V), its rate (V/s), packed
@@ -311,7 +312,7 @@ def check_rate_bandwidth(rate_bandwidth_hz: float | None) -> None:
         is_finite(rate_bandwidth_hz) and rate_bandwidth_hz > 0
     ):
         raise InputError(
-            f"rate_bandwidth_hz is {shown(rate_bandwidth_hz)}; give a frequency above 0 Hz, or None for the literal rate"
+            f"rate_bandwidth_hz is {quoted(rate_bandwidth_hz)}; give a frequency above 0 Hz, or None for the literal rate"
         )
 
 
@@ -322,7 +323,7 @@ def check_shape(core: Core) -> None:
         if not (is_finite(value) and number.low <= value <= number.high):
             unit = "" if number.unit == "1" else f" {number.unit}"
             raise InputError(
-                f"{number.name} is {shown(value)}; give a number from {number.low:g} to {number.high:g}{unit}"
+                f"{number.name} is {quoted(value)}; give a number from {number.low:g} to {number.high:g}{unit}"
             )
 
 
@@ -340,7 +341,9 @@ def check_ts(ts_s: float) -> float:
     5e-05
     """
     if not (is_finite(ts_s) and ts_s > 0):
-        raise InputError(f"ts_s is {shown(ts_s)}; give a sampling time above 0 s, for example 5e-5")
+        raise InputError(
+            f"ts_s is {quoted(ts_s)}; give a sampling time above 0 s, for example 5e-5"
+        )
     return float(ts_s)
 
 

@@ -17,8 +17,9 @@ from rdpi_gym.plant.cores.families import (
 )
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # Of k, what the least slope is at least; what k is at least.
 _LEAST = 1e-6
@@ -143,12 +144,12 @@ class BoucWen(InnerVariable):
         total = beta + gamma
         if not (is_finite(total) and total > 0):
             raise InputError(
-                f"beta + gamma is {shown(total)}; give a sum above 0, or z has no limit"
+                f"beta + gamma is {quoted(total)}; give a sum above 0, or z has no limit"
             )
         if not (is_finite(A) and A > 0):
-            raise InputError(f"A is {shown(A)}; give a number above 0")
+            raise InputError(f"A is {quoted(A)}; give a number above 0")
         if not (is_finite(n) and n >= 1):
-            raise InputError(f"n is {shown(n)}; give an exponent from 1")
+            raise InputError(f"n is {quoted(n)}; give an exponent from 1")
         limit = (A / total) ** (1.0 / n) / A
         return cls(k, d * A, limit, beta / total, n)
 

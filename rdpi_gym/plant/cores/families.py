@@ -17,8 +17,9 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.base import check_rate_bandwidth as check_rate_bandwidth
 from rdpi_gym.plant.cores.base import check_shape as check_shape
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 
 def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
@@ -26,7 +27,7 @@ def numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     try:
         return tuple(float(value) for value in values)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is {shown(values)}; give a list of numbers") from None
+        raise InputError(f"{name} is {quoted(values)}; give a list of numbers") from None
 
 
 def set_numbers(core: Core, *names: str) -> None:
@@ -59,7 +60,7 @@ def check_gain(name: str, value: float, signed: bool = False) -> None:
     """Refuse a gain (µm/V) that is not finite, or negative where it may not be."""
     if not is_finite(value) or (value < 0 and not signed):
         kind = "gain" if signed else "gain that is not negative"
-        raise InputError(f"{name} is {shown(value)}; give a finite {kind}")
+        raise InputError(f"{name} is {quoted(value)}; give a finite {kind}")
 
 
 _SPREAD = 1.5  # finer at small thresholds, where the small loops are

@@ -18,8 +18,9 @@ from rdpi_gym.plant.cores.families import (
 from rdpi_gym.plant.cores.play import play, play_columns
 from rdpi_gym.plant.parameters import DataScale, Parameter
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # Sections of a fit's spring, and what is left at least of the gain at a turn.
 _SECTIONS, _LEAST_SHARE = 12, 1e-6
@@ -112,7 +113,7 @@ class PinchedStop(Core):
             raise InputError("weights is empty; give one weight (µm/V) for each section")
         check_weights(self.weights, first=1)
         if not is_finite(self.slope):
-            raise InputError(f"slope is {shown(self.slope)}; c is a finite gain (µm/V)")
+            raise InputError(f"slope is {quoted(self.slope)}; c is a finite gain (µm/V)")
         if not self.a0 > 0:
             raise InputError(
                 f"the gain right after a turn, c + the first or the last weight, is {self.a0}; it is above 0 µm/V"

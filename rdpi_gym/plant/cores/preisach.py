@@ -28,8 +28,9 @@ from rdpi_gym.plant.cores.families import set_numbers, settled_memory
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # Levels of a fit's grid, the part of its gain that is reversible, and what c is at least there.
 _LEVELS, _REVERSIBLE, _LEAST_C = 15, 0.3, 1e-6
@@ -226,7 +227,7 @@ class Preisach(Core):
         levels, weights = self.levels_V, self.weights_um
         if not (is_finite(self.reversible_um_V) and self.reversible_um_V >= 0):
             raise InputError(
-                f"reversible_um_V is {shown(self.reversible_um_V)}; c is finite and not negative (µm/V)"
+                f"reversible_um_V is {quoted(self.reversible_um_V)}; c is finite and not negative (µm/V)"
             )
         if len(levels) < 2:
             raise InputError(f"levels_V has {len(levels)}; give two levels (V) or more")
@@ -245,7 +246,7 @@ class Preisach(Core):
         widest = self.apart_V * (1.0 + _UNEVEN)
         if not (is_finite(self.ramp_V) and 0 < self.ramp_V <= widest):
             raise InputError(
-                f"ramp_V is {shown(self.ramp_V)}; give a width above 0 V and at most the distance of two levels, {self.apart_V:.9g} V"
+                f"ramp_V is {quoted(self.ramp_V)}; give a width above 0 V and at most the distance of two levels, {self.apart_V:.9g} V"
             )
         relays = len(levels) * (len(levels) + 1) // 2
         if len(weights) != relays:

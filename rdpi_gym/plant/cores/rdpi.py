@@ -24,8 +24,9 @@ from rdpi_gym.plant.cores.families import (
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
 from rdpi_gym.plant.parameters import DataScale, Parameter, moved
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # Plays of a fit's comb, and of the whole gain what a_0 is at least there.
 _COMB, _LEAST_A0 = 40, 1e-6
@@ -107,7 +108,7 @@ class RDPI(ThresholdCore):
         check_thresholds(self.thresholds_V, len(weights) - 1, "play")
         if not (is_finite(self.delta2_s) and self.delta2_s >= 0):
             raise InputError(
-                f"delta2_s is {shown(self.delta2_s)}; δ2 is finite and not negative (s)"
+                f"delta2_s is {quoted(self.delta2_s)}; δ2 is finite and not negative (s)"
             )
         check_rate_bandwidth(self.rate_bandwidth_hz)
 
@@ -143,7 +144,7 @@ class RDPI(ThresholdCore):
         (2.0,)
         """
         if not (is_finite(delta1_V) and delta1_V > 0):
-            raise InputError(f"delta1_V is {shown(delta1_V)}; δ1 is finite and above 0 V")
+            raise InputError(f"delta1_V is {quoted(delta1_V)}; δ1 is finite and above 0 V")
         given = numbers("weights", weights)
         thresholds = tuple(delta1_V * i for i in range(1, len(given)))
         return cls(given, thresholds, delta2_s, rate_bandwidth_hz)

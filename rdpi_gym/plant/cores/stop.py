@@ -18,8 +18,9 @@ from rdpi_gym.plant.cores.families import (
 from rdpi_gym.plant.cores.play import given_rate_block, play_columns, rdpi_block
 from rdpi_gym.plant.parameters import DataScale
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 # Stops of a fit's comb, and what is left at least of the gain at a turn.
 _COMB, _LEAST_SHARE = 40, 1e-6
@@ -100,7 +101,7 @@ class Stop(ThresholdCore):
         check_weights(self.weights, first=1)
         check_thresholds(self.thresholds_V, len(self.weights), "stop")
         if not is_finite(self.slope):
-            raise InputError(f"slope is {shown(self.slope)}; c is a finite gain (µm/V)")
+            raise InputError(f"slope is {quoted(self.slope)}; c is a finite gain (µm/V)")
         if not self.a0 > 0:
             raise InputError(
                 f"the gain right after a turn, c + the sum of the weights, is {self.a0}; it is above 0 µm/V"

@@ -28,9 +28,9 @@ from rdpi_gym.plant.effects.base import (
     form_named,
     forms_of,
 )
-from rdpi_gym.support.checks import shown
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.plugins import Members, load_attribute
+from rdpi_gym.support.words import quoted
 
 __all__ = [
     "CATALOGUE",
@@ -147,7 +147,7 @@ def load_effect(name: str, form: str = "") -> type[Effect]:
         return form_named(own, form, f"effect {name!r}") if form else own
     if name not in CATALOGUE:
         raise InputError(
-            f"no effect is named {shown(name)}; known are {', '.join(CATALOGUE)}, "
+            f"no effect is named {quoted(name)}; known are {', '.join(CATALOGUE)}, "
             "and module:Class is one of your own"
         )
     return form_named(CATALOGUE[name], form, f"effect {name}") if form else CATALOGUE[name]

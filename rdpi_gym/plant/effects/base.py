@@ -18,8 +18,9 @@ from rdpi_gym.plant.parameters import DataScale as DataScale
 from rdpi_gym.plant.parameters import Parameter as Parameter
 from rdpi_gym.plant.parameters import moved
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.checks import is_finite, shown
+from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.words import quoted
 
 Slot: TypeAlias = Literal["input", "rate", "memory", "hysteresis", "output"]
 """Where a stage stands: before the plays, on the rate that sets their thresholds, in their initial
@@ -239,7 +240,7 @@ class Effect(ABC):
         """Refuse a value outside the bounds of a parameter."""
         if not (is_finite(value) and parameter.low <= value <= parameter.high):
             raise InputError(
-                f"{self.full_name()} {parameter.name} is {shown(value)} {parameter.unit}; "
+                f"{self.full_name()} {parameter.name} is {quoted(value)} {parameter.unit}; "
                 f"physical values lie in {parameter.low:g} to {parameter.high:g}"
             )
 
@@ -519,7 +520,7 @@ def form_named(kind: type[Effect], form: object, source: str) -> type[Effect]:
     if not isinstance(form, str) or form not in forms:
         further = ", ".join(filter(None, forms)) or "none"
         raise InputError(
-            f"{source}: no form is named {shown(form)}; the simplest has no name, further forms are "
+            f"{source}: no form is named {quoted(form)}; the simplest has no name, further forms are "
             f"{further}"
         )
     return forms[form]
@@ -573,23 +574,23 @@ def effect_from_dict(
     """
     if not isinstance(document, Mapping):
         raise InputError(
-            f'{source}: {shown(document)} is no effect; expected {{"effect": name, parameter: value}}'
+            f'{source}: {quoted(document)} is no effect; expected {{"effect": name, parameter: value}}'
         )
     body = dict(document)
     name = body.pop("effect", None)
     if not isinstance(name, str) or name not in catalogue:
         raise InputError(
-            f"{source}: no effect is named {shown(name)}; known are {', '.join(catalogue)}"
+            f"{source}: no effect is named {quoted(name)}; known are {', '.join(catalogue)}"
         )
     kind = form_named(catalogue[name], body.pop("form", ""), f"{source}, {name}")
     known = [f.name for f in fields(kind)]
     for key, value in body.items():
         if key not in known:
             raise InputError(
-                f"{source}, {name}: unknown parameter {shown(key)}; known are {', '.join(known)}"
+                f"{source}, {name}: unknown parameter {quoted(key)}; known are {', '.join(known)}"
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{source}, {name}, {key} is {shown(value)}; expected a number")
+            raise InputError(f"{source}, {name}, {key} is {quoted(value)}; expected a number")
     missing = [key for key in known if key not in body]
     if missing:
         raise InputError(f"{source}, {name}: parameter {missing[0]!r} is missing")
