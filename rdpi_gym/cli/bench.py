@@ -34,6 +34,7 @@ _TASK_LEGEND = (
 )
 
 _SEEDS, _FULL = 5, 100
+_LINES = 8  # controllers named while a run goes on
 _NAME = 36  # letters of a controller's name, in lines while a run goes on
 
 
@@ -106,8 +107,6 @@ def bench(
         raise InputError(
             "--draws and --seed-file are of registered tasks; give --task NAME or --full with them"
         )
-    from rdpi_gym.face.benchmarking import TOP
-
     with progress_bar() as show:
         scores = rg.benchmark(
             words(controllers),
@@ -122,13 +121,13 @@ def bench(
             jobs=jobs,
             ray=ray,
             progress=show,
-            told=partial(_tell, islice(count(), None if verbose else TOP)),
+            told=partial(_tell, islice(count(), None if verbose else _LINES)),
         )
         show("drawing", 0, 0)
         leaderboard = scores.write(out)
         page = scores.page(out / "report.html")
     print(scores.answer)
-    tables = scores.leaders(own, most=len(scores.order) if verbose else TOP)
+    tables = scores.leaders(own, **({"most": len(scores.order)} if verbose else {}))
     for title, table in list(tables.items())[: None if verbose or own else 1]:
         print_table(table, title)
     print(_LEGEND)

@@ -12,6 +12,7 @@ import rdpi_gym as rg
 from rdpi_gym.cli.options import SeedOption, as_typed, expanded
 from rdpi_gym.support.command import check_folder
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import told
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.words import quoted
 
@@ -53,8 +54,6 @@ def export_onnx(policy: str, belief: str | None = None, out: Path = Path("policy
     check_folder(out.parent)
     with as_typed(_TYPED):
         written = rg.export(policy, out, belief=belief)
-    from baselines.learned.onnx_graph import told  # kernels of all controllers come with it
-
     print(told(written))
 
 

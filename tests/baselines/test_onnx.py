@@ -16,12 +16,13 @@ import torch
 
 import rdpi_gym  # noqa: F401  # registers the environments
 from baselines.learned.onnx_export import export_onnx
-from baselines.learned.onnx_graph import METADATA, Graph
+from baselines.learned.onnx_graph import Graph
 from baselines.learned.policy import Policy
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.wrappers.history import VectorHistoryObservation
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import METADATA
 from tests.baselines.playing import make_policy
 
 

@@ -19,12 +19,12 @@ from baselines.learned.imitation import policy as student
 from baselines.learned.imitation.policy import StudentController, StudentPolicy
 from baselines.learned.imitation.teacher import student_lanes
 from baselines.learned.onnx_export import controller_on, export_student
-from baselines.learned.onnx_graph import METADATA
 from rdpi_gym.cli import main
 from rdpi_gym.envs import ObservationLayout
 from rdpi_gym.envs.tasks.stages import STAGE
 from rdpi_gym.plant import PlantModel, Sensor, named_plant
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.onnx_metadata import METADATA
 
 
 def drawn():

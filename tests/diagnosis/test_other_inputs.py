@@ -107,4 +107,4 @@ def test_a_search_says_which_other_input_explains_the_remainder():
         each.error_mask[2000:2300] = False
     found = add_effect(Dataset("two inputs", tuple(records)), P5, load_effect("sensor_lag"))
     assert "u2" in found.remainder
-    assert " % of what is left (" in found.remainder
+    assert " % of the squared residual (" in found.remainder
