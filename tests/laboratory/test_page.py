@@ -2,6 +2,7 @@
 
 import math
 import re
+from contextlib import contextmanager
 
 import pytest
 
@@ -13,9 +14,9 @@ from tests.laboratory.fake import Laboratory, candidate, empty_state
 _WAIT_MS, _STEP_MS = 30_000, 20
 
 
-@pytest.fixture(scope="module")
-def opened(browser):
-    """One page for all tests: what its console said and what it asked others for."""
+@contextmanager
+def empty_page(browser):
+    """A server without records and its page, with the messages of the console and the requests."""
     lab = Laboratory(samples=4000)
     lab.start()
     with LabPage(browser) as shown:
@@ -26,6 +27,13 @@ def opened(browser):
         yield lab, page
     if lab.running:
         lab.stop()
+
+
+@pytest.fixture(scope="module")
+def opened(browser):
+    """One page for all tests that begin by opening records."""
+    with empty_page(browser) as found:
+        yield found
 
 
 @pytest.fixture
@@ -67,12 +75,12 @@ def steps(page):
     return page.locator("#staircase .step .label").all_text_contents()
 
 
-def test_what_to_do_first_stands_on_the_empty_page(opened):
-    _, page = opened
-    page.get_by_test_id("example-one-effect").wait_for()
-    assert page.get_by_test_id("drop").is_visible()
-    assert "Drop a CSV here" in page.get_by_test_id("drop").inner_text()
-    assert not page.get_by_test_id("staircase").is_visible()
+def test_what_to_do_first_stands_on_the_empty_page(browser):
+    with empty_page(browser) as (_, page):
+        page.get_by_test_id("example-one-effect").wait_for()
+        assert page.get_by_test_id("drop").is_visible()
+        assert "Drop a CSV here" in page.get_by_test_id("drop").inner_text()
+        assert not page.get_by_test_id("staircase").is_visible()
 
 
 def test_cards_sort_themselves_as_errors_arrive(begun):
