@@ -27,13 +27,12 @@ from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.style import INK, PALETTE, REFERENCE, figure_text
 from rdpi_gym.report.traces import thin_index
 from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.markdown import LEADING_ROWS
 from rdpi_gym.support.words import number
 
 _BOUND = "full-preview-inversion"
 # Errors of seed 0 that are smaller than this part of the smallest mean do not widen the axis.
 _NEAR = 0.05
-FIRST = 8
-"""Controllers in the first picture, and in tables and figures that would grow too large with all."""
 # Samples of a curve on the page: a screen shows no more of a period, or of some seconds.
 _PAIR_SAMPLES, _RECORD_SAMPLES = 100, 400
 _RMSE = "RMSE (% of peak to peak)"
@@ -67,7 +66,7 @@ def look(controller: str) -> tuple[str, str, bool]:
 def leaderboard_chart(results: Evaluation) -> Chart:
     """Draw the first of the ranking, and beside it the error over the frequency of some controllers."""
     finished = results.ranking.dropna(subset=["rmse_percent"])
-    rivals = finished[finished["rank"] != "bound"].head(FIRST)
+    rivals = finished[finished["rank"] != "bound"].head(LEADING_ROWS)
     ranking = finished if rivals.empty else rivals
     panels = [_ranking_panel(ranking)]
     sines = _sines(results)

@@ -27,7 +27,7 @@ from benchmarks.tracking.stages import NOISE_UM, SPREAD, SUITE_VERSION, Stage
 from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.markdown import frame_table, leading_rows, plain
+from rdpi_gym.support.markdown import LEADING_ROWS, frame_table, leading_rows, plain
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import number
 
@@ -225,7 +225,7 @@ def write_benchmark_page(
     )
     rivals = ranked[ranked["rank"] != "bound"]
     rivals = ranked if rivals.empty else rivals
-    first = rivals.head(charts.FIRST)
+    first = rivals.head(LEADING_ROWS)
     leaders = [name for name in results.order if name in set(first["controller"])]
     cases = results.by_case.dropna(subset="rmse_percent")
     frequency = charts.frequency_charts(cases, leaders)
@@ -242,15 +242,15 @@ def write_benchmark_page(
             f"All {len(rivals)} controllers",
             "The bound beside them knows the true plant. Places: the ranks that paired "
             "differences leave open.",
-            _ranking_chart(ranked) if len(rivals) > charts.FIRST else None,
+            _ranking_chart(ranked) if len(rivals) > LEADING_ROWS else None,
             _ranking_table(ranked, least_um),
         ),
         *(
             _folded(
                 f"Ranking at Ts = {ts:g} s",
-                f"{WHERE_TRAINED} The first {charts.FIRST}; ranking.csv has all.",
+                f"{WHERE_TRAINED} The first {LEADING_ROWS}; ranking.csv has all.",
                 None,
-                _ranking_table(part.head(1 + charts.FIRST), least_um),
+                _ranking_table(part.head(1 + LEADING_ROWS), least_um),
             )
             for ts, part in results.where_trained.items()
         ),
@@ -361,7 +361,7 @@ def _on_real_input(measured: MeasuredScores) -> tuple[Any, pd.DataFrame | None]:
     table = measured.table
     if table.empty:
         return None, None
-    best = table.groupby("controller")["rms_V"].mean().nsmallest(charts.FIRST).index
+    best = table.groupby("controller")["rms_V"].mean().nsmallest(LEADING_ROWS).index
     traces = {
         record: {name: y for name, y in of.items() if name in {"t_s", "applied", *best}}
         for record, of in measured.traces.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from itertools import count, islice
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import rdpi_gym as rg
 from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, VerboseOption, words
 from rdpi_gym.cli.tables import print_table
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.markdown import LEADING_ROWS
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.words import number
 
@@ -34,7 +35,6 @@ _TASK_LEGEND = (
 )
 
 _SEEDS, _FULL = 5, 100
-_LINES = 8  # controllers named while a run goes on
 _NAME = 36  # letters of a controller's name, in lines while a run goes on
 
 
@@ -121,13 +121,13 @@ def bench(
             jobs=jobs,
             ray=ray,
             progress=show,
-            told=partial(_tell, islice(count(), None if verbose else _LINES)),
+            told=partial(_tell, count() if verbose else iter(range(LEADING_ROWS))),
         )
         show("drawing", 0, 0)
         leaderboard = scores.write(out)
         page = scores.page(out / "report.html")
     print(scores.answer)
-    tables = scores.leaders(own, **({"most": len(scores.order)} if verbose else {}))
+    tables = scores.leaders(own, most=len(scores.order) if verbose else LEADING_ROWS)
     for title, table in list(tables.items())[: None if verbose or own else 1]:
         print_table(table, title)
     print(_LEGEND)

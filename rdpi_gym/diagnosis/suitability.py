@@ -1,4 +1,4 @@
-"""What records cannot tell in principle, and the samples of too many that a search reads."""
+"""Limits of records in principle, and the thinning of long ones before a search."""
 
 from __future__ import annotations
 

@@ -31,6 +31,7 @@ from rdpi_gym.plant import PLANTS, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import checked
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.markdown import LEADING_ROWS
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import micrometres, number
 
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
     from rdpi_gym.report.chart import Chart
 
 SEEDS = 5
-TOP = 8
-"""Controllers of a ranking that are printed."""
 _SHOWN = ("rank", "controller", "RMSE (%)", "RMSE (µm)", "status")
 
 
@@ -112,7 +111,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         ]
         return [self.answer, *tables, *self.notes]
 
-    def leaders(self, own: Sequence[str] = (), most: int = TOP) -> dict[str, pd.DataFrame]:
+    def leaders(self, own: Sequence[str] = (), most: int = LEADING_ROWS) -> dict[str, pd.DataFrame]:
         """Return the first of each ranking: rank, controller, error, status.
 
         Parameters
@@ -183,7 +182,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
 
 
 def first_of(
-    ranked: pd.DataFrame, own: Sequence[str], most: int = TOP, noise_um: float = 0.0
+    ranked: pd.DataFrame, own: Sequence[str], most: int = LEADING_ROWS, noise_um: float = 0.0
 ) -> tuple[str, pd.DataFrame]:
     """Return the first of a ranking and a user's own, with a title; cells are text.
 

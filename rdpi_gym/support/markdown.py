@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LEADING_ROWS = 8
-"""Rows of a ranking on a page: those that a reader compares; the file beside it holds the others."""
+"""Rows of a ranking that a page, a figure or the terminal shows; the file beside it holds the others."""
 
 Rule = Literal["aligned", "plain", "tight"]
 _RULES: dict[Rule, tuple[str, str, str, str]] = {

@@ -124,13 +124,13 @@ def test_what_is_too_large_or_no_json_or_no_data_is_one_line(lab, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
-    [(["nowhere.csv"], "nowhere.csv does not exist; give a data file or a folder of data files"),
-     (["--session", "taken"], "--session taken holds no session of the laboratory; give its folder"),
-     (["--port", "70000"], "'--port': ")],
+    ("words", "line", "bound"),
+    [(["nowhere.csv"], "nowhere.csv does not exist; give a data file or a folder of data files", ""),
+     (["--session", "taken"], "--session taken holds no session of the laboratory; give its folder", ""),
+     (["--port", "70000"], "'--port': ", "65535")],
 )  # fmt: skip
 def test_the_command_refuses_in_one_line_before_it_serves(
-    words, line, tmp_path, monkeypatch, capsys
+    words, line, bound, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").mkdir()
@@ -138,6 +138,7 @@ def test_the_command_refuses_in_one_line_before_it_serves(
     assert main(["lab", "--no-browser", *words]) == 2
     said = capsys.readouterr().err
     assert line in said
+    assert bound in said.partition(line)[2]
     assert said.count("\n") == 1
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]  # no session was begun
 

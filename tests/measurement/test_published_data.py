@@ -28,7 +28,7 @@ def test_its_licence_and_source_lie_beside_it(picma) -> None:
 
 
 def test_the_example_is_the_published_record(picma) -> None:
-    """Of the numbers that the columns of the published files hold."""
+    """Digest of the numbers in the columns of the published files."""
     digests = {
         record.name: hashlib.sha256(
             record.u_V.astype("<f8").tobytes() + record.y_um.astype("<f8").tobytes()
