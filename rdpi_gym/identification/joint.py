@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -262,6 +262,15 @@ class _Problem:
         squares = [c.T @ c for c in columns]
         return _products(variant, self.free, columns, changes, squares, self.price)
 
+    def rows(self, variant: Variant[Any]) -> list[Array]:
+        """Derivatives by every weight and every free number and the residual, by record, centred."""
+        gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
+        lanes = Neighbours(variant, *self._neighbours(variant), gain_steps)
+        found = [lanes.derivatives(r, k) for r, k in zip(self.records, self.kept, strict=True)]
+        for each in found:
+            centre(each)
+        return found
+
     def light_pass(self, variant: Variant[Any], last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
         return self.changes_at(variant, last.columns, last.squares)
@@ -517,6 +526,43 @@ def first_steps(
     return FirstSteps(
         best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
     )
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """Derivatives of a model's displacement on records, the offset of each record taken out."""
+
+    # By record, one row a sample: by each gain, by each free number, and what the model leaves (µm)
+    rows: Sequence[Array]
+    # Which of these numbers may move: gains above zero or of either sign, others within their bounds
+    moves: BoolArray
+    effects: Sequence[int | None]  # Place of the effect that each number belongs to; None for the core
+
+
+def tangents(
+    records: Sequence[Record], variant: Variant[Any], samples: int | None = None
+) -> Tangents:
+    """Linearise a model on the samples that :func:`kept_samples` names."""
+    core, effects = variant.hysteresis, variant.effects
+    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
+    inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
+    owners = [None] * len(gains) + [number.effect for number in problem.free]
+    return Tangents(problem.rows(variant), np.concatenate([gains, inside]), owners)
+
+
+def effect_tangents(
+    records: Sequence[Record], variant: Variant[Any], place: int, samples: int | None = None
+) -> list[Array]:
+    """Linearise a model in the parameters of one effect alone, by record and centred."""
+    core, effects = variant.hysteresis, variant.effects
+    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    own = replace(problem, free=[n for n in problem.free if n.effect == place])
+    lanes = Neighbours(variant, *own._neighbours(variant))
+    found = [lanes.changes(r, k) for r, k in zip(records, own.kept, strict=True)]
+    for each in found:
+        centre(each)
+    return [each[:, :-1] for each in found]
 
 
 def _begun(

@@ -1,0 +1,1 @@
+"""Diagnosis by one law: one score, one decision, a beam of sets."""

@@ -1,0 +1,235 @@
+"""The moves: sets that differ from one by an effect, a form, a core, a pair, a free block or a clock.
+
+A first look takes a few steps of a refit on few samples, the derivatives by the weights shared, and
+the race drops what is worse than the best of the looks by the one decision.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import combinations
+
+import numpy as np
+
+from rdpi_gym.diagnosis.beam.constants import (
+    FOLLOWED,
+    LEVEL,
+    PAIRS,
+    RACE_SAMPLES,
+    RACE_STEPS,
+)
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
+from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence
+from rdpi_gym.diagnosis.beam.models import Model, clock_column
+from rdpi_gym.diagnosis.beam.score import Blocks
+from rdpi_gym.identification.cores import first_fit, fit_or_none
+from rdpi_gym.identification.joint import NO_FIT, FirstSteps, first_steps, kept_samples
+from rdpi_gym.plant import CORES
+from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects.base import Effect, in_chain_order
+from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
+from rdpi_gym.support.arrays import Array
+
+CLOCK_KINDS: tuple[ClockKind, ...] = ("delay", "step", "skew")
+FREE_BLOCKS: tuple[type[Effect], ...] = tuple(
+    form for form in forms_of(Unknown) if not issubclass(form, WithTwoMemories)
+)
+"""Free blocks: a curve, terms of the rate and a memory, at each place of the chain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A first look at a set."""
+
+    model: Model
+    lefts: tuple[Array, ...]  # What it leaves of the records to fit (µm)
+    new: tuple[str, ...]  # Names of the effects that the move brings
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A set from which looks are taken."""
+
+    evidence: Evidence  # With its clocks mended
+    model: Model
+
+    @cached_property
+    def begun(self) -> FirstSteps:
+        """The set with its best weights, whose derivatives the looks share."""
+        return self._steps(self.model.effects, 0, None)
+
+    def _steps(self, effects: Sequence[Effect], steps: int, near: FirstSteps | None) -> FirstSteps:
+        return first_steps(
+            self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES, near=near
+        )
+
+    def look(self, starts: Iterable[Effect]) -> Look | None:
+        """Look at an effect more, from the best of its starts; None where none leads anywhere."""
+        begun = list(self._tried(starts, 0))
+        begun.sort(key=lambda each: each[1].train_rmse_um)
+        if begun and begun[0][0].kinked:
+            begun = self._along_cusp(begun)
+        places = [_own(fit, start.name) for start, fit in begun[:FOLLOWED]]
+        found = list(self._tried(places, RACE_STEPS))
+        if not found:
+            return None
+        start, best = min(found, key=lambda each: each[1].train_rmse_um)
+        return self._seen(best, (start.name,))
+
+    def _tried(
+        self, starts: Iterable[Effect], steps: int
+    ) -> Iterator[tuple[Effect, FirstSteps]]:
+        for start in starts:
+            effects = in_chain_order([*self.model.effects, start])
+            try:
+                fit = self._steps(effects, steps, self.begun)
+            except NO_FIT:
+                continue
+            if math.isfinite(fit.train_rmse_um):
+                yield start, fit
+
+    def _along_cusp(self, begun: list[tuple[Effect, FirstSteps]]) -> list[tuple[Effect, FirstSteps]]:
+        """Halve the interval between starts around the best one: no gradient leads into a cusp."""
+        name = str(begun[0][0].kinked)
+        places = sorted(math.log(start.values[name]) for start, _ in begun)
+        apart = min(np.diff(places), default=0.0)
+        for _ in range(RACE_STEPS):
+            apart *= 0.5
+            best = begun[0][0]
+            near = [best.values[name] * math.exp(way * apart) for way in (-1.0, 1.0)]
+            more = self._tried([type(best).within_bounds(**{**best.values, name: v}) for v in near], 0)
+            begun = sorted([*begun, *more], key=lambda each: each[1].train_rmse_um)
+        return begun
+
+    def _seen(self, fit: FirstSteps, new: tuple[str, ...]) -> Look:
+        model = replace(self.model, core=fit.variant.hysteresis, effects=fit.variant.effects)
+        return Look(model, tuple(fit.left_um), new)
+
+    def stepped(self) -> Look:
+        """The set itself after as many steps as a look takes."""
+        return self._seen(self._steps(self.model.effects, RACE_STEPS, self.begun), ())
+
+    def without(self, name: str) -> Place:
+        """The place without an effect."""
+        kept = tuple(e for e in self.model.effects if e.name != name)
+        return replace(self, model=replace(self.model, effects=kept))
+
+    def additions(self) -> list[Look]:
+        """Looks at every effect of the catalogue that the set does not have."""
+        core, present = type(self.model.core), self.model.names
+        kinds = [k for n, k in CATALOGUE.items() if n not in present and k.fits_in(core)]
+        looks = [self.look(kind.starts(self.evidence.scale)) for kind in kinds]
+        return [look for look in looks if look is not None]
+
+    def forms(self) -> list[Look]:
+        """Looks at every other form of the effects that the set has."""
+        found = []
+        for effect in self.model.effects:
+            bare, forms = self.without(effect.name), forms_of(type(effect))
+            here = forms.index(type(effect))
+            for k, form in enumerate(forms):
+                if k == here or not form.fits_in(type(self.model.core)):
+                    continue
+                starts = form.starts(self.evidence.scale)
+                if k > here:
+                    starts = (*form.from_simpler(effect, self.evidence.scale), *starts)
+                look = bare.look(starts)
+                found += [look] if look is not None else []
+        return found
+
+    def pairs(self, singles: Sequence[Look], base: Look) -> list[Look]:
+        """Looks at the pairs of effects whose changes of the residual together take most of it."""
+        left = np.concatenate(base.lefts)
+        changes = {look.new: left - np.concatenate(look.lefts) for look in singles}
+        gains = []
+        for a, b in combinations([look for look in singles if look.new], 2):
+            columns = np.column_stack([changes[a.new], changes[b.new]])
+            fitted = columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+            alone = max(float(left @ left - np.sum((left - changes[k]) ** 2)) for k in (a.new, b.new))
+            gains.append((float(fitted @ left) - alone, a, b))
+        gains.sort(key=lambda each: -each[0])
+        found = []
+        for _, a, b in gains[:PAIRS]:
+            both = [e for look in (a, b) for e in look.model.effects if e.name in look.new]
+            effects = in_chain_order([*self.model.effects, *both])
+            try:
+                fit = self._steps(effects, RACE_STEPS, self.begun)
+            except NO_FIT:
+                continue
+            if math.isfinite(fit.train_rmse_um):
+                found.append(self._seen(fit, tuple(e.name for e in both)))
+        return found
+
+    def blocks(self) -> list[Look]:
+        """Looks at a free block at each place of the chain."""
+        core = type(self.model.core)
+        kinds = [k for k in FREE_BLOCKS if k.fits_in(core)]
+        looks = [self.look(kind.starts(self.evidence.scale)) for kind in kinds]
+        return [look for look in looks if look is not None]
+
+    def clocks(self) -> list[Look]:
+        """Looks at faults of the clock of each record, and of all records alike."""
+        names = dict.fromkeys(r.name for r in self.evidence.train)
+        wanted = [Clock("skew", "")]
+        wanted += [Clock(kind, name) for name in names for kind in CLOCK_KINDS if len(names) > 1]
+        present = {clock.name for clock in self.model.clocks}
+        looks = [self._clocked(clock) for clock in wanted if clock.name not in present]
+        return [look for look in looks if look is not None]
+
+    def _clocked(self, clock: Clock) -> Look | None:
+        """Estimate the size of a fault from the residual of the records that have it."""
+        kept = kept_samples(self.evidence.train, RACE_SAMPLES)
+        size = squares = 0.0
+        columns = []
+        for record, index, left in zip(self.evidence.train, kept, self.begun.left_um, strict=True):
+            column = clock_column(record, clock, self.begun.variant)[index]
+            column -= column.mean()
+            columns.append(column)
+            size += float(column @ left)
+            squares += float(column @ column)
+        if squares <= 0.0:
+            return None
+        found = replace(clock, value=size / squares)
+        lefts = [
+            left - found.value * column
+            for left, column in zip(self.begun.left_um, columns, strict=True)
+        ]
+        model = replace(self.model, clocks=(*self.model.clocks, found))
+        return Look(model, tuple(lefts), (clock.name,))
+
+
+def kinds(evidence: Evidence, model: Model) -> list[Model]:
+    """First fits of every other kind of hysteresis beside the effects of a set."""
+    found = []
+    for kind in CORES.values():
+        beside = [e for e in model.effects if type(e).fits_in(kind)]
+        if isinstance(model.core, kind) or (kind.loose and beside):
+            continue  # many gains beside effects are slow, and make up for any
+        fit = fit_or_none(partial(first_fit, evidence.train, kind, beside, evidence.scale))
+        if fit is not None and math.isfinite(fit.train_rmse_um):
+            found.append(Model(fit.variant.hysteresis, fit.variant.effects, model.clocks))
+    return found
+
+
+def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:
+    """Return the looks that gain, without those that are worse than the best by the one decision."""
+    if not looks:
+        return []
+    blocks = Blocks.of(base.lefts)
+    floor_um = evidence.floor_um(base.lefts)
+    here = blocks.scores(base.lefts, floor_um)
+    scores = np.array([blocks.scores(look.lefts, floor_um) for look in looks])
+    gains = (here - scores).mean(axis=1)
+    order = [int(k) for k in np.argsort(-gains) if gains[k] > 0.0]
+    if not order:
+        return []
+    behind = scores[order] - scores[order[0]]
+    worse = chances(behind, np.zeros(len(order)), draw_blocks(here.size)) < LEVEL
+    return [looks[k] for k, out in zip(order, worse, strict=True) if not out][:most]
+
+
+def _own(fit: FirstSteps, name: str) -> Effect:
+    return next(effect for effect in fit.variant.effects if effect.name == name)
