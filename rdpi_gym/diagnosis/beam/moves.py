@@ -68,7 +68,7 @@ class Place:
 
     def look(self, starts: Iterable[Effect]) -> Look | None:
         """Look at an effect more, from the best of its starts; None where none leads anywhere."""
-        begun = list(self._tried(starts, 0))
+        begun = list(self._tried(starts, 1))
         begun.sort(key=lambda each: each[1].train_rmse_um)
         if begun and begun[0][0].kinked:
             begun = self._along_cusp(begun)
@@ -100,7 +100,7 @@ class Place:
             apart *= 0.5
             best = begun[0][0]
             near = [best.values[name] * math.exp(way * apart) for way in (-1.0, 1.0)]
-            more = self._tried([type(best).within_bounds(**{**best.values, name: v}) for v in near], 0)
+            more = self._tried([type(best).within_bounds(**{**best.values, name: v}) for v in near], 1)
             begun = sorted([*begun, *more], key=lambda each: each[1].train_rmse_um)
         return begun
 
@@ -117,12 +117,21 @@ class Place:
         kept = tuple(e for e in self.model.effects if e.name != name)
         return replace(self, model=replace(self.model, effects=kept))
 
-    def additions(self) -> list[Look]:
-        """Looks at every effect of the catalogue that the set does not have."""
-        core, present = type(self.model.core), self.model.names
-        kinds = [k for n, k in CATALOGUE.items() if n not in present and k.fits_in(core)]
-        looks = [self.look(kind.starts(self.evidence.scale)) for kind in kinds]
-        return [look for look in looks if look is not None]
+    def additions(self, base: Look) -> list[Look]:
+        """Looks at every effect of the catalogue that the set does not have, each in its best form.
+
+        Of its forms the first in their order, which is that of their numbers, that is no worse than
+        any other by the one decision.
+        """
+        core, scale = type(self.model.core), self.evidence.scale
+        found = []
+        for name, kind in CATALOGUE.items():
+            if name in self.model.names:
+                continue
+            forms = [form for form in forms_of(kind) if form.fits_in(core)]
+            looks = [self.look(form.starts(scale)) for form in forms]
+            found += no_worse(base, [look for look in looks if look is not None], self.evidence)[:1]
+        return found
 
     def forms(self) -> list[Look]:
         """Looks at every other form of the effects that the set has."""
@@ -201,34 +210,45 @@ class Place:
         return Look(model, tuple(lefts), (clock.name,))
 
 
-def kinds(evidence: Evidence, model: Model) -> list[Model]:
-    """First fits of every other kind of hysteresis beside the effects of a set."""
+def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
+    """First fits of every other kind of hysteresis beside the effects of a set, those that leave less."""
     found = []
     for kind in CORES.values():
         beside = [e for e in model.effects if type(e).fits_in(kind)]
         if isinstance(model.core, kind) or (kind.loose and beside):
             continue  # many gains beside effects are slow, and make up for any
-        fit = fit_or_none(partial(first_fit, evidence.train, kind, beside, evidence.scale))
-        if fit is not None and math.isfinite(fit.train_rmse_um):
+        make = partial(first_fit, evidence.train, kind, beside, evidence.scale)
+        fit = fit_or_none(partial(make, least_um=least_um))
+        if fit is not None and fit.train_rmse_um < least_um:
             found.append(Model(fit.variant.hysteresis, fit.variant.effects, model.clocks))
     return found
 
 
+def no_worse(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look]:
+    """Return the looks that are not worse than the best of them by the one decision, in their order."""
+    if len(looks) < 2:
+        return list(looks)
+    _, scores = _scores(base, looks, evidence)
+    behind = scores - scores[int(np.argmin(scores.mean(axis=1)))]
+    worse = chances(behind, np.zeros(len(looks)), draw_blocks(scores.shape[1])) < LEVEL
+    return [look for look, out in zip(looks, worse, strict=True) if not out]
+
+
 def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:
-    """Return the looks that gain, without those that are worse than the best by the one decision."""
+    """Return the looks that gain most, without those that are worse than the best of them."""
     if not looks:
         return []
-    blocks = Blocks.of(base.lefts)
-    floor_um = evidence.floor_um(base.lefts)
-    here = blocks.scores(base.lefts, floor_um)
-    scores = np.array([blocks.scores(look.lefts, floor_um) for look in looks])
+    here, scores = _scores(base, looks, evidence)
     gains = (here - scores).mean(axis=1)
-    order = [int(k) for k in np.argsort(-gains) if gains[k] > 0.0]
-    if not order:
-        return []
-    behind = scores[order] - scores[order[0]]
-    worse = chances(behind, np.zeros(len(order)), draw_blocks(here.size)) < LEVEL
-    return [looks[k] for k, out in zip(order, worse, strict=True) if not out][:most]
+    order = [looks[k] for k in np.argsort(-gains) if gains[k] > 0.0]
+    return no_worse(base, order, evidence)[:most]
+
+
+def _scores(base: Look, looks: Sequence[Look], evidence: Evidence) -> tuple[Array, Array]:
+    """Score of each block where looks begin, ``(B,)``, and of each look, ``(M, B)``."""
+    blocks, floor_um = Blocks.of(base.lefts), evidence.floor_um(base.lefts)
+    scores = np.array([blocks.scores(look.lefts, floor_um) for look in looks])
+    return blocks.scores(base.lefts, floor_um), scores
 
 
 def _own(fit: FirstSteps, name: str) -> Effect:

@@ -55,7 +55,7 @@ def expanded(evidence: Evidence, of: Visited) -> list[Visited]:
     here, model = evidence.mended(of.model.clocks), of.model
     place = Place(here, model)
     base = place.stepped()
-    singles = place.additions()
+    singles = place.additions(base)
     looks = [*singles, *place.forms(), *place.pairs(singles, base), *place.clocks()]
     found = _refitted(evidence, of, base, looks, REFITTED)
     for effect in model.effects:
@@ -78,7 +78,7 @@ def with_free_blocks(evidence: Evidence, of: Visited) -> list[Visited]:
 def of_other_kinds(evidence: Evidence, of: Visited) -> list[Visited]:
     """Return the set with every other kind of hysteresis, those that come near refitted whole."""
     found = []
-    for model in kinds(evidence.mended(of.model.clocks), of.model):
+    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um):
         one = refitted(evidence, model, of.key)
         found += [one] if one is not None else []
     return [replace(each, tried=len(found)) for each in found]
@@ -131,7 +131,7 @@ class Beam:
     def accept(self, found: Sequence[Visited], scores: Scores) -> None:
         """Accept the sets that are better than their parents, and those with less that are no worse."""
         more = [one for one in found if len(one.model.names) >= len(self._parent(one).model.names)]
-        for one, chance in zip(more, scores.chances_of(more, self.visited), strict=True):
+        for one, chance in zip(more, scores.chances_of(more), strict=True):
             if chance < LEVEL:
                 self.accepted.add(one.key)
         for one in found:
@@ -168,7 +168,18 @@ class Scores:
     @cached_property
     def weights(self) -> Array:
         """Weight of each set in each draw, ``(DRAWS, K)``."""
-        return drawn_weights(self.table, [prior_of(one.model) for one in self.sets], self.draws)
+        priors = [prior_of(one.model) for one in self.sets]
+        price = np.array([self._price(one) for one in self.sets])
+        return drawn_weights(self.table + price[:, None], priors, self.draws)
+
+    def _price(self, one: Visited) -> float:
+        """Return what the phantoms of all moves that led to a set gain (nats a block)."""
+        before = 0.0 if one.parent is None else self._price(self._by_key[one.parent])
+        return before + self._bar(one)
+
+    @cached_property
+    def _by_key(self) -> dict[Key, Visited]:
+        return {one.key: one for one in self.sets}
 
     def of(self, one: Visited) -> Array:
         """Score of each block of a set (nats)."""
@@ -180,12 +191,12 @@ class Scores:
         left = max(float(np.log(np.maximum(ratio, 1e-12)).mean()), 0.0) * ratio.size / TEMPERATURE
         return left < log_prior(0, len(CATALOGUE)) - log_prior(1, len(CATALOGUE))
 
-    def chances_of(self, moves: Sequence[Visited], known: dict[Key, Visited]) -> list[float]:
+    def chances_of(self, moves: Sequence[Visited]) -> list[float]:
         """Return for each move the chance that it is no better than its parent and its phantoms."""
         found = {}
         for parent in {one.parent for one in moves if one.parent is not None}:
             own = [one for one in moves if one.parent == parent]
-            here = self.of(known[parent])
+            here = self.of(self._by_key[parent])
             gains = np.array([here - self.of(one) for one in own])
             chance = chances(gains, np.array([self._bar(one) for one in own]), self.draws)
             for one, each in zip(own, chance, strict=True):
