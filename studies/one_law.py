@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -65,14 +65,15 @@ class Unit:
 
 
 def units(plants: int, seed: int, engine: Engine) -> list[Unit]:
-    """List the plants of all strata for one search."""
-    chosen = []
+    """List the plants of all strata for one search; any beginning of them is a fair sample."""
+    chosen: list[tuple[float, Unit]] = []
     for stratum, (source, study, share) in SHARES.items():
         count = max(round(share * plants), 1)
         cases = source.cases([study], count, seed, source.effects)
         step = max(len(cases) // count, 1)  # of the first study every subject has so many
-        chosen += [Unit(stratum, case, engine) for case in cases[::step][:count]]
-    return chosen
+        own = cases[::step][:count]
+        chosen += [((k + 0.5) / count, Unit(stratum, case, engine)) for k, case in enumerate(own)]
+    return [unit for _, unit in sorted(chosen, key=lambda each: each[0])]
 
 
 def run_unit(unit: Unit, code: str) -> Row:
@@ -151,7 +152,9 @@ def judged(row: Row) -> dict[str, Any]:
     right = set(row["subject"]) | set(row.get("truth", {}).get("excused", ()))
     for name in row["subject"]:
         right |= set(row.get("truth", {}).get("alike", {}).get(name, ()))
-    wrong = [s for s in row.get("steps", ()) if s["effect"] not in right or row["study"] == "outside"]
+    wrong = [
+        s for s in row.get("steps", ()) if s["effect"] not in right or row["study"] == "outside"
+    ]
     found = [s for s in wrong if s.get("grade", "found") == "found"]
     return {
         "engine": row["engine"], "stratum": row["stratum"], "subject": verdict["subject"],

@@ -24,7 +24,7 @@ DRAWS = 500
 LEVEL = 0.05
 TEMPERATURE = 2.0
 BEAM = 3
-LEAST_WEIGHT = 0.01
+LEAST_WEIGHT = 0.05
 ROUNDS = 6
 RACE_SAMPLES = 6_000
 RACE_STEPS = 3
@@ -52,7 +52,7 @@ TABLE: tuple[Constant, ...] = (
     Constant("TEMPERATURE", TEMPERATURE, "nats over nats", "divides the sum of the scores; 2 is the Gaussian "
              "likelihood with one independent value a block", "Yao, Vehtari, Simpson, Gelman 2018"),
     Constant("BEAM", BEAM, "sets", "that go on in parallel", "three to five; two cores"),
-    Constant("LEAST_WEIGHT", LEAST_WEIGHT, "1", "of a set that goes on", "less moves no probability by 1 %"),
+    Constant("LEAST_WEIGHT", LEAST_WEIGHT, "1", "of a set that goes on", "less moves no probability by 5 %"),
     Constant("ROUNDS", ROUNDS, "rounds", "of moves at most", "twice the effects that a plant of the studies has"),
     Constant("RACE_SAMPLES", RACE_SAMPLES, "samples", "in the squares of a first look",
              "a hundred for each number"),

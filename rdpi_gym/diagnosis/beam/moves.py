@@ -24,9 +24,18 @@ from rdpi_gym.diagnosis.beam.constants import (
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence
 from rdpi_gym.diagnosis.beam.models import Model, clock_column
-from rdpi_gym.diagnosis.beam.score import Blocks
+from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, whole_step
 from rdpi_gym.identification.cores import first_fit, fit_or_none
-from rdpi_gym.identification.joint import NO_FIT, FirstSteps, first_steps, kept_samples
+from rdpi_gym.identification.joint import (
+    NO_FIT,
+    FirstSteps,
+    Tangents,
+    first_steps,
+    foreseen_um,
+    kept_samples,
+    tangents,
+    tangents_near,
+)
 from rdpi_gym.plant import CORES
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
@@ -45,7 +54,7 @@ class Look:
     """A first look at a set."""
 
     model: Model
-    lefts: tuple[Array, ...]  # What it leaves of the records to fit (µm)
+    lefts: tuple[Array, ...]  # What it leaves where it was not fitted (µm), as of a visited set
     new: tuple[str, ...]  # Names of the effects that the move brings
 
 
@@ -62,26 +71,41 @@ class Place:
         return self._steps(self.model.effects, 0, None)
 
     def _steps(self, effects: Sequence[Effect], steps: int, near: FirstSteps | None) -> FirstSteps:
+        """Take some steps, or as many as may lead to less than the set itself leaves."""
+        least_um = math.inf if near is None else near.train_rmse_um
         return first_steps(
-            self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES, near=near
-        )
+            self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES, near=near,
+            least_um=least_um,
+        )  # fmt: skip
 
     def look(self, starts: Iterable[Effect]) -> Look | None:
         """Look at an effect more, from the best of its starts; None where none leads anywhere."""
-        begun = list(self._tried(starts, 1))
-        begun.sort(key=lambda each: each[1].train_rmse_um)
-        if begun and begun[0][0].kinked:
-            begun = self._along_cusp(begun)
-        places = [_own(fit, start.name) for start, fit in begun[:FOLLOWED]]
-        found = list(self._tried(places, RACE_STEPS))
+        return self._followed(self._foreseen(starts))
+
+    def _foreseen(self, starts: Iterable[Effect]) -> list[tuple[float, Effect]]:
+        """Foresee the error (µm rms) after one step from each start; the best first."""
+        begun = []
+        for start in starts:
+            effects = in_chain_order([*self.model.effects, start])
+            try:
+                error_um = foreseen_um(
+                    self.evidence.train, self.model.core, effects, RACE_SAMPLES, self.begun
+                )
+            except NO_FIT:
+                continue
+            begun += [(error_um, start)] if math.isfinite(error_um) else []
+        begun.sort(key=lambda each: each[0])
+        return self._along_cusp(begun) if begun and begun[0][1].kinked else begun
+
+    def _followed(self, begun: Sequence[tuple[float, Effect]]) -> Look | None:
+        """Go on from the best of the starts."""
+        found = list(self._tried([start for _, start in begun[:FOLLOWED]], RACE_STEPS))
         if not found:
             return None
         start, best = min(found, key=lambda each: each[1].train_rmse_um)
         return self._seen(best, (start.name,))
 
-    def _tried(
-        self, starts: Iterable[Effect], steps: int
-    ) -> Iterator[tuple[Effect, FirstSteps]]:
+    def _tried(self, starts: Iterable[Effect], steps: int) -> Iterator[tuple[Effect, FirstSteps]]:
         for start in starts:
             effects = in_chain_order([*self.model.effects, start])
             try:
@@ -91,22 +115,43 @@ class Place:
             if math.isfinite(fit.train_rmse_um):
                 yield start, fit
 
-    def _along_cusp(self, begun: list[tuple[Effect, FirstSteps]]) -> list[tuple[Effect, FirstSteps]]:
+    def _along_cusp(self, begun: list[tuple[float, Effect]]) -> list[tuple[float, Effect]]:
         """Halve the interval between starts around the best one: no gradient leads into a cusp."""
-        name = str(begun[0][0].kinked)
-        places = sorted(math.log(start.values[name]) for start, _ in begun)
+        name = str(begun[0][1].kinked)
+        places = sorted(math.log(start.values[name]) for _, start in begun)
         apart = min(np.diff(places), default=0.0)
         for _ in range(RACE_STEPS):
             apart *= 0.5
-            best = begun[0][0]
-            near = [best.values[name] * math.exp(way * apart) for way in (-1.0, 1.0)]
-            more = self._tried([type(best).within_bounds(**{**best.values, name: v}) for v in near], 1)
-            begun = sorted([*begun, *more], key=lambda each: each[1].train_rmse_um)
+            best = begun[0][1]
+            near = [
+                type(best).within_bounds(**best.values | {name: value * best.values[name]})
+                for value in (math.exp(-apart), math.exp(apart))
+            ]
+            fits = ((fit.train_rmse_um, start) for start, fit in self._tried(near, 0))
+            begun = sorted([*begun, *fits], key=lambda each: each[0])
         return begun
 
+    @cached_property
+    def _to_judge(self) -> list[Array]:
+        """Derivatives by the weights on the records to judge by."""
+        at = tangents(self.evidence.validation, self.begun.variant, RACE_SAMPLES)
+        return [rows[:, : len(self.model.core.gains)] for rows in at.rows]
+
+    def _linearised(self, fit: FirstSteps) -> tuple[Tangents, Tangents]:
+        """Linearise a model near the set on the records to fit and to judge by."""
+        train, validation = self.evidence.train, self.evidence.validation
+        at = tangents_near(train, fit.variant, fit.columns, RACE_SAMPLES)
+        return at, tangents_near(validation, fit.variant, self._to_judge, RACE_SAMPLES)
+
+    @cached_property
+    def _linear(self) -> tuple[Tangents, Tangents]:
+        return self._linearised(self.begun)
+
     def _seen(self, fit: FirstSteps, new: tuple[str, ...]) -> Look:
-        model = replace(self.model, core=fit.variant.hysteresis, effects=fit.variant.effects)
-        return Look(model, tuple(fit.left_um), new)
+        at, judged = self._linearised(fit)
+        core, effects = fit.variant.hysteresis, fit.variant.effects
+        model = replace(self.model, core=core, effects=effects)
+        return Look(model, tuple(cross_fitted(at.rows, at.moves, judged.rows)), new)
 
     def stepped(self) -> Look:
         """The set itself after as many steps as a look takes."""
@@ -129,24 +174,25 @@ class Place:
             if name in self.model.names:
                 continue
             forms = [form for form in forms_of(kind) if form.fits_in(core)]
-            looks = [self.look(form.starts(scale)) for form in forms]
+            begun = [each for form in forms if (each := self._foreseen(form.starts(scale)))]
+            first = begun[:1]  # the simplest, and the one that begins best
+            further = sorted(begun[1:], key=lambda each: each[0][0])[:1]
+            kept = [each for each in begun if each in first or each in further]
+            looks = [self._followed(each) for each in kept]
             found += no_worse(base, [look for look in looks if look is not None], self.evidence)[:1]
         return found
 
-    def forms(self) -> list[Look]:
-        """Looks at every other form of the effects that the set has."""
-        found = []
+    def forms(self) -> list[list[Look]]:
+        """Looks at every other form of the effects that the set has, by effect."""
+        scale, core, found = self.evidence.scale, type(self.model.core), []
         for effect in self.model.effects:
-            bare, forms = self.without(effect.name), forms_of(type(effect))
-            here = forms.index(type(effect))
-            for k, form in enumerate(forms):
-                if k == here or not form.fits_in(type(self.model.core)):
-                    continue
-                starts = form.starts(self.evidence.scale)
-                if k > here:
-                    starts = (*form.from_simpler(effect, self.evidence.scale), *starts)
-                look = bare.look(starts)
-                found += [look] if look is not None else []
+            bare, kinds = self.without(effect.name), forms_of(type(effect))
+            here, looks = kinds.index(type(effect)), []
+            for k, form in enumerate(kinds):
+                if k != here and form.fits_in(core):
+                    simpler = form.from_simpler(effect, scale) if k > here else ()
+                    looks.append(bare.look((*simpler, *form.starts(scale))))
+            found.append([look for look in looks if look is not None])
         return found
 
     def pairs(self, singles: Sequence[Look], base: Look) -> list[Look]:
@@ -157,7 +203,9 @@ class Place:
         for a, b in combinations([look for look in singles if look.new], 2):
             columns = np.column_stack([changes[a.new], changes[b.new]])
             fitted = columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
-            alone = max(float(left @ left - np.sum((left - changes[k]) ** 2)) for k in (a.new, b.new))
+            alone = max(
+                float(left @ left - np.sum((left - changes[k]) ** 2)) for k in (a.new, b.new)
+            )
             gains.append((float(fitted @ left) - alone, a, b))
         gains.sort(key=lambda each: -each[0])
         found = []
@@ -189,25 +237,24 @@ class Place:
         return [look for look in looks if look is not None]
 
     def _clocked(self, clock: Clock) -> Look | None:
-        """Estimate the size of a fault from the residual of the records that have it."""
-        kept = kept_samples(self.evidence.train, RACE_SAMPLES)
-        size = squares = 0.0
-        columns = []
-        for record, index, left in zip(self.evidence.train, kept, self.begun.left_um, strict=True):
-            column = clock_column(record, clock, self.begun.variant)[index]
-            column -= column.mean()
-            columns.append(column)
-            size += float(column @ left)
-            squares += float(column @ column)
-        if squares <= 0.0:
+        """Estimate the size of a fault beside all other numbers of the set."""
+        evidence, variant = self.evidence, self.begun.variant
+        parts = (evidence.train, evidence.validation)
+        both = []
+        for records, at in zip(parts, self._linear, strict=True):
+            rows = []
+            for record, index, own in zip(
+                records, kept_samples(records, RACE_SAMPLES), at.rows, strict=True
+            ):
+                column = clock_column(record, clock, variant)[index]
+                rows.append(np.column_stack([own[:, :-1], column - column.mean(), own[:, -1]]))
+            both.append(rows)
+        moves = np.append(self._linear[0].moves, True)
+        size = float(whole_step(both[0], moves)[-1])
+        if size == 0.0:
             return None
-        found = replace(clock, value=size / squares)
-        lefts = [
-            left - found.value * column
-            for left, column in zip(self.begun.left_um, columns, strict=True)
-        ]
-        model = replace(self.model, clocks=(*self.model.clocks, found))
-        return Look(model, tuple(lefts), (clock.name,))
+        model = replace(self.model, clocks=(*self.model.clocks, replace(clock, value=size)))
+        return Look(model, tuple(cross_fitted(both[0], moves, both[1])), (clock.name,))
 
 
 def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
@@ -235,13 +282,12 @@ def no_worse(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look
 
 
 def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:
-    """Return the looks that gain most, without those that are worse than the best of them."""
+    """Return the looks that gain most."""
     if not looks:
         return []
     here, scores = _scores(base, looks, evidence)
     gains = (here - scores).mean(axis=1)
-    order = [looks[k] for k in np.argsort(-gains) if gains[k] > 0.0]
-    return no_worse(base, order, evidence)[:most]
+    return [looks[k] for k in np.argsort(-gains)[:most] if gains[k] > 0.0]
 
 
 def _scores(base: Look, looks: Sequence[Look], evidence: Evidence) -> tuple[Array, Array]:
@@ -249,7 +295,3 @@ def _scores(base: Look, looks: Sequence[Look], evidence: Evidence) -> tuple[Arra
     blocks, floor_um = Blocks.of(base.lefts), evidence.floor_um(base.lefts)
     scores = np.array([blocks.scores(look.lefts, floor_um) for look in looks])
     return blocks.scores(base.lefts, floor_um), scores
-
-
-def _own(fit: FirstSteps, name: str) -> Effect:
-    return next(effect for effect in fit.variant.effects if effect.name == name)

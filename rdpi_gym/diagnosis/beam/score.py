@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -104,17 +105,25 @@ def cross_fitted(
     return found
 
 
+def whole_step(rows: Sequence[Array], moves: BoolArray) -> Array:
+    """Return the Gauss-Newton step of the numbers that may move, to all records."""
+    columns = np.flatnonzero(moves)
+    gram = np.sum([x[:, columns].T @ x[:, columns] for x in rows], axis=0)
+    pull = np.sum([x[:, columns].T @ x[:, -1] for x in rows], axis=0)
+    return _solved(gram + np.diag(RIDGE * np.diag(gram) + 1e-300), pull)
+
+
 def _solved(gram: Array, pull: Array) -> Array:
     if not pull.size:
         return pull
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    step: Array = np.linalg.lstsq(gram / np.outer(size, size), pull / size, rcond=RIDGE)[0] / size
+    step: Array = np.linalg.solve(gram / np.outer(size, size), pull / size) / size
     return step
 
 
 def _stretches(samples: int) -> list[slice]:
     edges = np.linspace(0, samples, min(FOLDS, samples) + 1).astype(np.intp)
-    return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def orthogonal(columns: Sequence[Array], to: Sequence[Array]) -> list[Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -50,17 +50,28 @@ def begun(evidence: Evidence) -> Visited:
     return found
 
 
-def expanded(evidence: Evidence, of: Visited) -> list[Visited]:
-    """Return the sets that moves make of one, those that the race leaves refitted whole."""
+def expanded(
+    evidence: Evidence, known: Collection[Key], one: tuple[Visited, bool]
+) -> list[Visited]:
+    """Return the sets that moves make of one, those that the race leaves refitted whole.
+
+    With each set stands whether there is anything that more effects could take. Sets without an
+    effect that are `known` are not refitted again.
+    """
+    of, grows = one
     here, model = evidence.mended(of.model.clocks), of.model
-    place = Place(here, model)
-    base = place.stepped()
-    singles = place.additions(base)
-    looks = [*singles, *place.forms(), *place.pairs(singles, base), *place.clocks()]
-    found = _refitted(evidence, of, base, looks, REFITTED)
+    found: list[Visited | None] = []
+    if grows:
+        place = Place(here, model)
+        base = place.stepped()
+        singles = place.additions(base)
+        looks = [*singles, *place.pairs(singles, base), *place.clocks()]
+        found += _refitted(evidence, of, base, looks, REFITTED)
+        for forms in place.forms():  # of each effect that is there, besides
+            found += _refitted(evidence, of, base, forms, 1)
     for effect in model.effects:
-        rest = tuple(e for e in model.effects if e.name != effect.name)
-        found.append(refitted(evidence, replace(model, effects=rest), of.key))
+        rest = replace(model, effects=tuple(e for e in model.effects if e is not effect))
+        found += [refitted(evidence, rest, of.key)] if rest.key not in known else []
     return [each for each in found if each is not None]
 
 
@@ -239,9 +250,10 @@ def searched(
         report("rounds of the beam", number, ROUNDS)
         scores = beam.scored()
         front = [one for one in _front(beam, scores) if one.key not in done]
-        front = [one for one in front if not scores.is_at_floor(one) or one.model.effects]
+        front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
         if front:
-            lists = pool.map(partial(expanded, evidence), front)
+            cases = [(one, not scores.is_at_floor(one)) for one in front]
+            lists = pool.map(partial(expanded, evidence, frozenset(beam.visited)), cases)
         elif not asked_kinds and not scores.is_at_floor(best := best_of(beam, scores)):
             asked_kinds, front = True, [best]
             bare = [base] if best.model.effects else []
