@@ -22,6 +22,7 @@ from benchmarks.stages.run import (
     SUITE_VERSION,
     WORST_PERCENT,
 )
+from benchmarks.tracking.controllers import own_of
 from benchmarks.tracking.evaluation import CONFIDENCE, ranged
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.arrays import Array
@@ -248,7 +249,12 @@ class TaskScores:
 
     def leaders(self, task: str, own: Sequence[str] = ()) -> pd.DataFrame:
         """Return the first of one task's ranking as a reader sees it, and a user's own."""
-        return leaders(self.ranking(task), own).drop(columns="certificate")
+        return leaders(self.ranking(task), [*own, *self.own]).drop(columns="certificate")
+
+    @property
+    def own(self) -> list[str]:
+        """A user's own controllers, whose rows are shown wherever they stand."""
+        return own_of(str(row["controller"]) for row in self.rows)
 
     def correlation(self, task: str) -> float:
         """Return the correlation of the ranks on the plants of even and of odd numbers; NaN where there are too few."""
@@ -296,8 +302,11 @@ class TaskScores:
         ]
         for task, part in self.rankings.items():
             title = TASKS[task].title if task in TASKS else ""
-            shown = view(rivals_of(part)).drop(columns=["command (V/s)", "tuned on", "certificate"])
-            parts += [f"## {task}", f"{title}.", leading_rows(shown, "tasks.csv")]
+            ranked = part[
+                part.index.isin(rivals_of(part).index) | part["controller"].isin(self.own)
+            ]
+            shown = view(ranked).drop(columns=["command (V/s)", "tuned on", "certificate"])
+            parts += [f"## {task}", f"{title}.", leading_rows(shown, "tasks.csv", own=self.own)]
         return paragraphs(parts)
 
 

@@ -8,6 +8,7 @@ import pytest
 from baselines import make_controller
 from baselines.model_predictive import TrueHorizon
 from benchmarks.stages.ranking import (
+    TaskScores,
     interquartile_mean,
     rank_correlation,
     ranking,
@@ -162,6 +163,17 @@ def test_the_worst_tenth_counts_before_the_middle_half():
     assert found["controller"].tolist() == ["steady", "risky", "worst"]
     assert found["rank"].tolist() == ["1", "2", "3"]
     assert rank_correlation(rows_of({"a": steady, "b": 2 * steady, "c": risky + 9})) == 1.0
+
+
+def test_the_users_own_controller_is_in_the_tables_wherever_it_stands(tmp_path):
+    others = [name for name in field() if name != "none"][:9]
+    errors = {name: np.full(4, 1.0 + k) for k, name in enumerate([*others, "mine:make", "none"])}
+    rows = [row | {"task": "Bare"} for row in rows_of(errors)]
+    text = TaskScores(tuple(rows), "public seed 0").write(tmp_path).read_text()
+    *shown, last = [line for line in text.splitlines() if line][-10:]
+    assert [line.split(" | ")[1] for line in shown] == [*others[:8], "mine:make"]
+    assert shown[-1].startswith("| 10 | mine:make |")
+    assert last == "The first 8 of 11 rows of `tasks.csv`, and yours."
 
 
 def test_the_field_holds_rivals_only():
