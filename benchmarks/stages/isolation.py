@@ -43,7 +43,15 @@ from rdpi_gym.support.files import check_plain
 
 PATIENCE_S = 120.0
 """Time (s) after which a process without an answer is ended: kernels are compiled in less."""
-_KEPT = ("HOME", "LANG", "LC_ALL", "NUMBA_CACHE_DIR", "PATH", "SYSTEMROOT", "XDG_CACHE_HOME")
+KEPT_VARIABLES = (
+    "HOME",
+    "LANG",
+    "LC_ALL",
+    "NUMBA_CACHE_DIR",
+    "PATH",
+    "SYSTEMROOT",
+    "XDG_CACHE_HOME",
+)
 """Environment variables that say where programs and compiled code are."""
 _LARGEST = 2**20  # bytes of an answer
 # Whether other processes' clocks can be read, and the kind of such a clock, see clock_getcpuclockid(3).
@@ -89,7 +97,7 @@ class ControllerProcess:
             self.name = _moved(self.name, self._code, here)
         # one thread: decisions are timed, and the kernel confines threads that are still to come
         single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        known = {name: os.environ[name] for name in _KEPT if name in os.environ}
+        known = {name: os.environ[name] for name in KEPT_VARIABLES if name in os.environ}
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-m", "benchmarks.stages.worker"],
             stdin=subprocess.PIPE,

@@ -7,7 +7,7 @@ import pytest
 
 from baselines import make_controller
 from baselines.model_predictive import TrueHorizon
-from benchmarks.stages.entries import INFORMATION, RIGHT_KIND, told
+from benchmarks.stages.entries import BESIDE, INFORMATION, RIGHT_KIND, told
 from benchmarks.stages.ranking import (
     TaskScores,
     interquartile_mean,
@@ -158,6 +158,20 @@ def test_the_bound_is_within_the_noise_while_a_load_comes_and_has_no_rank():
     assert np.sqrt(np.mean(left**2)) < 2.0 * TASKS["Load"].noise_um
     rows = rows_of({"true-plant-horizon": np.full(4, 0.1), "none": np.ones(4)})
     assert ranking(rows)["rank"].tolist() == ["bound", "1"]
+
+
+def test_the_information_bound_finds_the_plant_from_its_readings():
+    scores = {}
+    for name in (INFORMATION, RIGHT_KIND):
+        (lanes,) = TASKS["Duhem"].lanes("training", 1)
+        controller = BESIDE[name].make(lanes)
+        r = lanes.references_um[:1500]
+        taken = play(controller, lanes.track(lanes.layout()), r, lanes.noises)
+        scores[name] = np.sqrt(np.mean((taken.displacement_um - r)[1000:] ** 2))
+    assert scores[INFORMATION] < 0.5 * scores[RIGHT_KIND]
+    assert scores[INFORMATION] < 2.0 * TASKS["Duhem"].noise_um
+    with pytest.raises(InputError, match="no information bound is known of Ageing"):
+        BESIDE[INFORMATION].make(TASKS["Ageing"].lanes("training", 1)[0])
 
 
 REFUSED = [
