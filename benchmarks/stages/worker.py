@@ -13,6 +13,7 @@ import struct
 import sys
 import sysconfig
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,9 +21,6 @@ import numpy as np
 from numba.core.caching import Cache, _CacheLocator
 from numpy.typing import NDArray
 
-import baselines
-import benchmarks
-import rdpi_gym
 from baselines import CONTROLLERS, make_controller
 from benchmarks.stages.confinement import confine
 from benchmarks.tracking.episode import one_line
@@ -37,6 +35,7 @@ MAKE, FIRST, NEXT, PLAN, LEARN, STATE, TIME = b"M", b"F", b"N", b"P", b"L", b"S"
 """Requests: a controller, actions for the first and for later samples, a reference, a pass, its statements, its processor time."""
 ACTION, DOCUMENT, FAILURE = b"A", b"D", b"E"
 """Answers: float64 a lane, JSON, a reason."""
+_PACKAGES = ("baselines", "benchmarks", "rdpi_gym")
 _MACHINE = ("/usr", "/lib", "/lib64", "/etc/ld.so.cache", "/etc/localtime", "/dev/urandom",
             "/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/sys/devices/system")  # fmt: skip
 
@@ -117,7 +116,8 @@ def _columns(content: bytes, count: int) -> list[NDArray[np.float64]]:
 
 def _readable() -> list[Path]:
     """Return what imports need: Python, its packages, these packages, facts of the machine."""
-    own = [Path(str(each.__file__)).parent for each in (baselines, benchmarks, rdpi_gym)]
+    found = filter(None, map(find_spec, _PACKAGES))
+    own = [Path(str(each.origin)).parent for each in found]
     places = {*sysconfig.get_paths().values(), sys.prefix, sys.base_prefix}
     caches = [Path(os.environ[name]) for name in ("NUMBA_CACHE_DIR",) if name in os.environ]
     return [*own, *caches, *map(Path, sorted(places)), *map(Path, _MACHINE)]
