@@ -293,7 +293,9 @@ def test_makers_of_recorded_sessions_exist():
 def pictures_without_text(markdown):
     """Pictures of a page, in Markdown or HTML, that a screen reader can only name by their file."""
     text = re.sub(r"^```.*?^```$", "", markdown, flags=re.M | re.S)
-    found = [target for alt, target in re.findall(r"!\[(.*?)\]\(([^)\s]+)", text) if not alt.strip()]
+    found = [
+        target for alt, target in re.findall(r"!\[(.*?)\]\(([^)\s]+)", text) if not alt.strip()
+    ]
     tags = re.findall(r"<img\b[^>]*>", text)
     return found + [tag for tag in tags if not re.search(r"\balt=([\"'])\s*[^\s\"'].*?\1", tag)]
 

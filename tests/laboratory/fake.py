@@ -70,7 +70,7 @@ PREVIEW = {
     "columns": [{"source": n, "name": n, "unit": n[-3:-1]} for n in ("Time [ms]", "Command [mV]")] + [{"source": 2, "name": "column 2", "unit": ""}],
     "rows": [["0.0", "12", "0.3"], ["0.1", "14", "0.4"]], "separator": {"chosen": "", "found": "semicolon"},
     "chosen": {"t": "Time [ms]", "u": "Command [mV]", "y": 2}, "units": {"t": "ms", "u": "mV", "y": "µm"},
-    "ts_s": None, "alike": ["worse"],
+    "ts_s": None, "alike": ["worse"], "taken": [],
 }  # fmt: skip
 
 

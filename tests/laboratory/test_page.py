@@ -342,7 +342,7 @@ def test_a_reference_is_drawn_with_the_arrow_keys(begun):
     assert "Outside its stability limit" in table.inner_text()
     # no measurement would show 1.7e-8 µm: neither the error nor a gain of 1.6e7
     cells = table.locator("tr", has_text="extended inverse").locator("td").all_inner_texts()
-    assert cells == ["0.28 5.6 %", "below sensor noise", "> 13×"]
+    assert cells == ["0.280 5.6 %", "below sensor noise", "> 13×"]
     page.evaluate("scrollTo(0, 0)")
 
 
