@@ -92,10 +92,10 @@ def test_wider_elements_yield_later_and_a_filter_is_its_differential_equation():
 
 
 @over("study", list(NUMBERS))
-def test_a_case_is_always_the_same_and_its_checksum_is_the_committed_one(study):
+def test_a_case_is_drawn_as_its_committed_checksum_says(study):
     case = first(study)
-    once, again = prepare(case), prepare(case)
-    assert digest(once.dataset) == digest(again.dataset) == stored_digests()[case.key]
+    once = prepare(case)
+    assert digest(once.dataset) == stored_digests()[case.key]
     truth = json.loads(json.dumps(once.truth, allow_nan=False))
     assert all(floors >= 3.0 for floors in truth["floors"].values())
     assert truth["sampling_um"] >= 0.0
