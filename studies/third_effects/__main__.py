@@ -150,7 +150,7 @@ def _files(asked: Namespace) -> Files:
     if not asked.check:
         run = partial(run_case, drawn=stored_digests())
         rows = study_rows(cases, run, asked, _ROOMS, sorted(Path(package.__path__[0]).glob("*.py")))
-        return {"third_effects.md": page(rows)}
+        return {f"{main.name}.md": page(rows)}
     drawn: list[Row] = []
     with progress_bar() as show:
         for row in run_cases(draw, cases, asked.jobs):
