@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 from baselines import FULL_PREVIEW
 from benchmarks.rows import TRACKING, Outcome
 from benchmarks.tracking.case import FEWEST_SAMPLES, MOST_SAMPLES
+from benchmarks.tracking.controllers import own_of
 from benchmarks.tracking.episode import tally
 from benchmarks.tracking.measured import MeasuredScores, score_measured
 from benchmarks.tracking.selection import Selection
@@ -277,6 +278,11 @@ class Evaluation:
         """Controllers, best first; those that are only ranked where they were trained at the end."""
         ranked = [self.ranking, *self.where_trained.values()]
         return list(dict.fromkeys(str(name) for part in ranked for name in part["controller"]))
+
+    @property
+    def own(self) -> list[str]:
+        """A user's own controllers, whose rows are shown wherever they stand."""
+        return own_of(self.selection.controllers)
 
     @property
     def first_seed(self) -> int:

@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 
 from baselines import FULL_PREVIEW, needed_core
-from benchmarks.tracking.evaluation import CASE, COLUMNS, ranking, score_table
+from benchmarks.tracking.controllers import own_of
+from benchmarks.tracking.evaluation import CASE, COLUMNS, ranking, ranking_view, score_table
 from benchmarks.tracking.run import benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main
@@ -15,6 +16,7 @@ from rdpi_gym.face.benchmarking import first_of
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.duhem import Duhem
 from rdpi_gym.plant.cores.stop import Stop
+from rdpi_gym.support.markdown import leading_rows
 from tests.looping import over
 
 SMALL = [
@@ -274,9 +276,15 @@ def test_the_users_own_controller_is_printed_wherever_it_stands(capsys):
         for i, name in enumerate(["full-preview-inversion", *names])
         for seed in (1, 2)
     ]  # fmt: skip
-    title, table = first_of(ranking(score_table(rows)), ["c10"])
+    ranked = ranking(score_table(rows))
+    title, table = first_of(ranked, ["c10"])
     print_table(table, title)
     said = capsys.readouterr().out
     assert "The first 8 of 12 controllers, and yours" in said
     assert [name for name in names if f" {name} " in said] == [*names[:8], "c10"]
     assert "bound" not in said
+    *_, ninth, _, last = leading_rows(ranking_view(ranked), "ranking.csv", own=["c10"]).splitlines()
+    assert ninth.startswith("| 11 | c10 |")
+    assert last == "The first 8 of 13 rows of `ranking.csv`, and yours."
+    asked = ["pi", "learned:ppo-increment", "guarded:ppo-increment", "learned:of/mine", "mine:make"]
+    assert own_of([*asked, "full-preview-inversion"]) == asked[3:]

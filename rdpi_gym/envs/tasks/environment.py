@@ -55,6 +55,7 @@ class TaskEnv(PiezoTrackingEnv):
         self._is_own = not {"plant", "ts_s"} & set(options)
         super().__init__(**{**self.task.options, **options})
         self.history = History(self.layout, self.task.history if history is None else history)
+        self.layout = replace(self.layout, history=self.history.steps)
         assert isinstance(self.observation_space, Box)
         stacked: Any = self.history.space(self.observation_space)
         self.observation_space = stacked
