@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -69,6 +70,7 @@ class TaskEnv(PiezoTrackingEnv):
     def __init__(self, *, history: int | None = None, **options: Any) -> None:
         super().__init__(**{**self.task.options, **options})
         self.history = History(self.layout, self.task.history if history is None else history)
+        self.layout = replace(self.layout, history=self.history.steps)
         assert isinstance(self.observation_space, Box)
         stacked: Any = self.history.space(self.observation_space)
         self.observation_space = stacked
