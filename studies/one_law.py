@@ -24,7 +24,7 @@ from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.report import judge
 from benchmarks.rows import run_rows, stored_rows
-from rdpi_gym.diagnosis.beam.grades import Diagnosis, diagnose
+from rdpi_gym.diagnosis.beam import Diagnosis, diagnose
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import DATA_HINT, Dataset, load, measured_data
 from rdpi_gym.support.command import Options
