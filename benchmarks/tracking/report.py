@@ -206,8 +206,8 @@ _LOOK = (
     "The colour shows the inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
     "alone), the symbol the rate that it uses; a dotted line or an open symbol means added feedback."
 )
+_OF_FILES = ("- **Mean rank.**", "- **Optimality gap.**")
 _HEADINGS = {
-    "seed_0_rmse_percent": "RMSE, seed 0 (%)",
     "command_total_variation": "Command variation",
     "microseconds_per_sample": "µs per sample",
     "errors": "Rows with errors",
@@ -241,8 +241,7 @@ def write_benchmark_page(
         ),
         _folded(
             f"All {len(rivals)} controllers",
-            "The bound beside them knows the true plant. Places: the ranks that paired "
-            "differences leave open.",
+            "The bound beside them knows the true plant. More columns are in ranking.csv.",
             _ranking_chart(ranked) if len(rivals) > LEADING_ROWS else None,
             _ranking_table(ranked, least_um),
         ),
@@ -276,15 +275,15 @@ def write_benchmark_page(
         )
         sections.append(_folded("Traces of any pair", text, pairs))
     text = (
-        "RMSE (%) of the leaders on each reference at the shortest sampling time, geometric mean "
-        "over the drawn truths. Every row of every controller is in leaderboard.csv."
+        "RMSE of the leaders on each reference at the shortest sampling time, geometric mean over "
+        "the drawn truths. Every row of every controller is in leaderboard.csv."
     )
     sections.append(_folded("Every reference", text, None, _by_reference(results, leaders)))
     if payoff is not None:
         sections.append(replace(payoff_section(payoff), folded=True))
     sections += [
         _folded("On real input", plain(measured_text(measured)), *_on_real_input(measured)),
-        _folded("What the numbers mean", plain(METHOD)),
+        _folded("What the numbers mean", plain(_of_page(METHOD))),
     ]
     if results.notes:
         notes = "\n".join(f"- {note}" for note in results.notes)
@@ -297,6 +296,12 @@ def _folded(
     title: str, text: str, figure: Any = None, table: pd.DataFrame | None = None
 ) -> Section:
     return Section(title, text, figure, table, folded=True)
+
+
+def _of_page(method: str) -> str:
+    """Leave out what is explained of columns that the page does not show."""
+    lines = method.splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith(_OF_FILES))
 
 
 def _ranking_chart(ranked: pd.DataFrame) -> Any:
@@ -313,11 +318,10 @@ _ERRORS = ("rmse_percent", "Interval (%)")
 
 
 def _ranking_table(ranked: pd.DataFrame, noise_um: float) -> pd.DataFrame:
-    """Return a ranking as a reader of the page sees it; gaps to the bound are in ``ranking.csv``."""
+    """Return a ranking as a reader of the page sees it; ``ranking.csv`` has the other columns."""
     columns = (
         "rank", "controller", "rmse_percent", "rmse_percent_low", "rmse_percent_high", "status",
-        "seed_0_rmse_percent", "mean_rank", "places", "command_total_variation",
-        "microseconds_per_sample",
+        "command_total_variation", "microseconds_per_sample",
     )  # fmt: skip
     shown = _readable(ranked, noise_um)
     return table_view(shown[[name for name in columns if name in shown.columns]])
@@ -354,7 +358,8 @@ def _by_reference(results: Evaluation, leaders: Sequence[str]) -> pd.DataFrame:
     keys = ["plant", "reference"]
     wide = named.pivot(index=keys, columns="controller", values="text").fillna("–")
     order = pd.MultiIndex.from_frame(named[keys].drop_duplicates())
-    return wide.reindex(index=order, columns=list(leaders)).reset_index()
+    wide = wide.reindex(index=order, columns=list(leaders))
+    return wide.rename(columns="{} (%)".format).reset_index()
 
 
 def _on_real_input(measured: MeasuredScores) -> tuple[Any, pd.DataFrame | None]:
