@@ -229,7 +229,7 @@ class RemoteController:
         return self._order
 
     def _bytes(self, signals: Sequence[Array]) -> bytes:
-        lanes = signals[0].shape[1]
+        lanes = int(signals[0].shape[1])
         stacked = np.stack(signals).astype(np.float64)[..., self._ordered(lanes)]
         return lanes.to_bytes(8, "little") + stacked.tobytes()
 
