@@ -26,8 +26,8 @@ No command reaches this search yet; ``rdpi_gym.diagnosis.search`` is the one tha
   two modes and a zero was named with saturation, delay and sensor lag besides; PICMA with thermal drift,
   congruency, resonance and rate law at 0.155 µm). The exchange of one name for every other is not a move
   of its own yet: it takes an addition and a drop, and so a name need not have beaten every other.
-- Time: about twice today's processor time where something is hidden, a hundredth of a second for each
-  thousand samples where nothing is.
+- Time: about twice the processor time of today where something is hidden; 0.07 s for 2,400 samples where
+  nothing is.
 - Actuator lag and sensor lag of second and third order take each other's place.
 - Other kinds of core are tried once, at the end, beside the best set and alone.
 - The temperature is that of the Gaussian likelihood, not yet calibrated on a study; the effect of
