@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +23,19 @@ from benchmarks.diagnosis.scoring import (
     outcomes_of,
     withheld,
 )
+from benchmarks.diagnosis.worker import DiagnoserFailed, diagnose_apart
 from benchmarks.rows import Outcome, RowFormat, complete, paragraphs
+from benchmarks.stages.isolation import own_code
 from benchmarks.stages.run import TestSeed
 from benchmarks.tracking.episode import one_line
+from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files, used_files
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.store import Row
+from rdpi_gym.support.words import quoted
 from rdpi_gym.virtual_lab.draws import MaskedError
 
 PLANTS = 20
@@ -67,6 +70,9 @@ class Unit:
     draws: str  # the seed in words
     plant: int
     stamp: str
+    # of a private seed it runs in a process of its own, with a copy of its code, if it has any
+    is_apart: bool = False
+    code: Path | None = None
 
     @property
     def key(self) -> DiagnosisKey:
@@ -88,13 +94,13 @@ def run_unit(unit: Unit) -> list[Row]:
         reference = mean_square(base, asked)
     except (MaskedError, InputError):  # a plant that nobody can be asked about
         return [row | {"study": MASKED}]
-    true, began = outcomes_of(case, prepared.truth), time.process_time()
+    true = outcomes_of(case, prepared.truth)
     try:
-        answer = checked_answer(find_diagnoser(unit.diagnoser)(given))
-        row["seconds"] = time.process_time() - began
+        answer, row["seconds"] = _answer(unit, given, asked)
         left = mean_square(answer, asked)
     except Exception as error:  # a stranger's code may raise anything
-        reason = one_line(f"{type(error).__name__}: {error}")
+        kind = "" if isinstance(error, DiagnoserFailed) else f"{type(error).__name__}: "
+        reason = one_line(f"{kind}{error}")
         brier = 0.25 * UNINFORMED / math.log(2.0)
         return [
             row
@@ -103,6 +109,16 @@ def run_unit(unit: Unit) -> list[Row]:
         ]  # fmt: skip
     share = explained(reference, left, float(prepared.truth["noise_um"]))
     return [row | losses(answer, true) | {"explained": share}]
+
+
+def _answer(unit: Unit, given: Dataset, asked: Sequence[Record]) -> tuple[Answer, float]:
+    """Return the answer of a diagnoser, and the processor time (s) that it took."""
+    if unit.is_apart:
+        told = diagnose_apart(unit.diagnoser, unit.code, given, asked)
+        return told.answer, told.seconds
+    began = time.process_time()
+    answer = checked_answer(find_diagnoser(unit.diagnoser)(given))
+    return answer, time.process_time() - began
 
 
 MASKED = "masked"
@@ -125,8 +141,17 @@ def run_diagnosers(
     if not 1 <= plants <= most:
         raise InputError(f"--draws is {plants}; give 1 to {most} plants")
     names = named_diagnosers(diagnosers)
+    codes = {name: own_code(name) if ":" in name else None for name in names}
+    if not drawn.is_public:
+        for name, code in codes.items():
+            if ":" in name and code is None:
+                raise InputError(
+                    f"{quoted(name)} is not of a single file; write a diagnoser as one module, "
+                    "for example my_diagnoser.py"
+                )
+    stamped = {name: _stamp(name, code) for name, code in codes.items()}
     units = [
-        Unit(name, drawn.seed, drawn.label, plant, _stamp(name))
+        Unit(name, drawn.seed, drawn.label, plant, stamped[name], not drawn.is_public, codes[name])
         for plant in range(plants)
         for name in names
     ]
@@ -141,11 +166,9 @@ def run_diagnosers(
     return Outcome([store.rows[unit.key] for unit in units], computed, tuple(notes))
 
 
-def _stamp(name: str) -> str:
+def _stamp(name: str, code: Path | None) -> str:
     """Return a hash of the code that the rows of a diagnoser depend on."""
-    module, colon, _ = name.partition(":")
-    spec = find_spec(module) if colon else None
-    own = Path(spec.origin).read_bytes() if spec is not None and spec.origin else b""
+    own = b"" if code is None else code.read_bytes()
     return fingerprint([_code().encode(), name.encode(), own])
 
 

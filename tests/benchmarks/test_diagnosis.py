@@ -43,6 +43,11 @@ def broken(dataset):
 def wrong(dataset):
     return {"creep": 1.0}
 
+def curious(dataset):
+    import gc
+    assert not any(type(each).__name__ == "Case" for each in gc.get_objects())
+    return sure(dataset)
+
 one = 1
 """
 
@@ -197,7 +202,13 @@ def test_a_diagnoser_of_ones_own_gets_a_row_a_plant_and_one_that_fails_says_why(
     assert cli.main(words[:10]) == 0
     assert "2 rows, 0 of them computed now" in capsys.readouterr().out
     (own / "seed.txt").write_text("12345678901234567890")
-    assert cli.main([*words[:10], "--seed-file", "seed.txt"]) == 0
+    words = [*words[:8], "--draws", "1", "--seed-file", "seed.txt"]
+    # with a private seed it runs in a process that is told the records alone
+    assert cli.main([*words, "--diagnoser", "my_diagnosers:curious"]) == 0
+    (row,) = (
+        row for row in run.DIAGNOSES.open(own / "out").rows.values() if "private" in row["draws"]
+    )
+    assert (row["failure"], row["found"]) == ("", 1)
     assert "private seed" in (own / "out" / "diagnosis.md").read_text()
     assert "12345678901234567890" not in (own / "out" / run.DIAGNOSES.file).read_text()
 
