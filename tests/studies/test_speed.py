@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("torch")
 
+from rdpi_gym.envs.tasks import TASKS
 from studies import speed
 from studies.runner import RESULTS
 from tests.looping import over
@@ -45,6 +46,15 @@ def test_every_case_of_the_vector_environment_is_measured(case):
     assert (table.drop(columns="case") > 0).all(axis=None)
     assert (table["lowest"] <= table["times_cartpole"]).all()
     assert (table["times_cartpole"] <= table["highest"]).all()
+
+
+def test_the_tasks_are_measured_and_the_page_says_so():
+    table = committed("tasks")
+    rows = [(task.id, n) for task in TASKS.values() for n in (1, 2)]
+    assert list(zip(table["case"], table["threads"], strict=True)) == rows
+    fresh = speed.tasks(1, duration_s=0.001, lanes=3, threads=[1], names=["Bare"])
+    assert list(fresh) == list(table)
+    assert (fresh.drop(columns="case") > 0).all(axis=None)
 
 
 def test_no_core_is_below_a_third_of_the_rdpi_models_speed_at_usual_sampling():
