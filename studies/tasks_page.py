@@ -82,7 +82,7 @@ rdpi bench --task Duhem --draws 10 --controllers hybrid,{INFORMATION} --out resu
 rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against results/tasks/task-rows.csv.gz
 ```
 
-The first measures the information bound, by which errors are then divided. The second says how many of a table's rows come out the same here: every run leaves `task-rows.csv.gz`.
+The first divides errors by the [information bound](../studies/results/stages/information/tasks.md). The second says how many of a table's rows come out the same: every run leaves `task-rows.csv.gz`.
 
 ## What a controller may know
 

@@ -126,6 +126,7 @@ def test_apart_it_does_what_it_does_here(bare):
     here = make_controller("pi-classical-reference-rate", bare.belief, layout)
     with ControllerProcess("pi-classical-reference-rate") as process:
         there = process.make(bare.belief, layout)
+        assert sorted(there._ordered(6)) == list(range(6))
         taken, expected = (
             play(one, lanes.track(layout), r, lanes.noises)
             for one in (there, here)
@@ -173,6 +174,7 @@ SAID = {
 }
 
 
+@pytest.mark.slow
 def test_a_process_that_does_not_answer_as_it_should_fails_in_one_line(
     bare, tmp_path, monkeypatch, subtests
 ):
