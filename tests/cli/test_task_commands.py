@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+pytest.importorskip("torch")
+
 import rdpi_gym.cli as cli
 from baselines import HORIZON_BOUND, make_controller
 from baselines.learned.policy import SHIPPED
