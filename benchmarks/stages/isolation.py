@@ -40,6 +40,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.files import check_plain
+from rdpi_gym.support.plugins import find_here
 
 PATIENCE_S = 120.0
 """Time (s) after which a process without an answer is ended: kernels are compiled in less."""
@@ -268,7 +269,11 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 def own_code(name: str) -> Path | None:
     """Return the one file in which ``module:attribute`` is defined, None where there is none; nothing is run."""
     module = name.partition(":")[0]
-    spec = find_spec(module) if module.isidentifier() else None
+    if module.isidentifier():
+        find_here(module)
+        spec = find_spec(module)
+    else:  # to find a module of a package would import the package
+        spec = getattr(sys.modules.get(module), "__spec__", None)
     if spec is None or spec.origin is None or spec.submodule_search_locations:
         return None
     return Path(spec.origin) if Path(spec.origin).is_file() else None
