@@ -8,6 +8,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from baselines import HORIZON_BOUND
+from benchmarks.stages.entries import INFORMATION, NEUTRAL, RIGHT_KIND
+from benchmarks.stages.isolation import KEPT_VARIABLES, PATIENCE_S
 from benchmarks.stages.run import FEWEST_DIGITS
 from rdpi_gym.envs.tasks import PUBLIC_SEED, TASKS, StageTask
 from rdpi_gym.envs.tasks.environment import page_of
@@ -16,6 +18,9 @@ from studies.runner import Files, Study
 
 OUT = Path(__file__).parents[1] / "docs"
 PAGE = "tasks.md"
+
+PREVIEW = next(iter(TASKS.values())).preview
+KEPT = ", ".join(f"`{name}`" for name in KEPT_VARIABLES)
 
 _HEAD = f"""\
 # The registered tasks
@@ -63,7 +68,25 @@ The first ranks the controllers that ship on 20 test plants of two tasks, the se
 
 [The ranking](../studies/results/stages/tasks.md) says who is first on each task and [what its figures
 mean](../studies/results/stages/tasks.md#what-the-figures-mean).
-`{HORIZON_BOUND}` is the bound with everybody's preview; the bound of `rdpi bench` without tasks knows the whole reference and is another one.
+Beside the ranking stand `{HORIZON_BOUND}`, the bound with everybody's preview, and where others believe another kind `{RIGHT_KIND}`; `--no-bound` leaves both out. The bound of `rdpi bench` without tasks is
+another one.
+
+<!-- not run: takes minutes on two cores -->
+```bash
+rdpi bench --task Duhem --draws 10 --controllers hybrid,{INFORMATION} --out results/information
+rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against results/tasks/task-rows.csv.gz
+```
+
+The first measures the information bound, by which errors are then divided. The second says how many of a table's rows come out the same here: every run leaves `task-rows.csv.gz`.
+
+## What a controller may know
+
+1. The observation: the reference now and {PREVIEW} samples ahead, the reading, the command; and their units, ranges and sampling time.
+2. The numbers of its belief: hysteresis, effects, sensor. Every belief is named `{NEUTRAL}` and carries neither origin nor notes.
+
+Nothing else: not the task, the kind or number of a plant, the seed, which episodes share a plant, nor an earlier run. A controller that looks up in its belief's numbers which task it is on
+knows more. What knows more is listed beside the ranking, without a rank: `{RIGHT_KIND}`, `adaptive-dual-loop` told the nominal plant of the right kind; `{INFORMATION}`, which knows the plants'
+distribution; `{HORIZON_BOUND}`, which knows the plant.
 
 ## Enter a leaderboard
 
@@ -81,7 +104,21 @@ rdpi score results/entry --seed-file secret.txt --out results/judged
    hashed and that the tasks are those of this release, then draws plants from that number, which nobody has tuned on. Every table says whether its seed was public or private, with
    a hash that tells two private ones apart. Without `--seed-file` it repeats the public score and says whether the submitted rows are reproduced.
 
-`rdpi score` runs the submitted code: do that where you would run any stranger's code, and nowhere else.
+### What is guarded
+
+Every `rdpi score`, and every score with a private seed, runs the controller in a process of its own: a name, numbers of the belief, layout and observations come through a pipe, actions go back, as arrays and
+JSON. It has no argument, no environment variable beyond {KEPT}, no open file and none of the judge's frames; its folder holds the submitted code alone.
+
+| a submission tries | Linux, Landlock on | elsewhere |
+|---|---|---|
+| frames, garbage collector, arguments, environment, descriptors | nothing of the plant is there | likewise |
+| files: seed, rows, folders | refused, Python and its packages aside | not guarded: what the judge's user may read |
+| memory and `/proc` of the judge | refused; the judge is closed (`PR_SET_DUMPABLE`), capabilities are dropped | Linux: closed unless the judge is root; else not guarded |
+| programs, TCP | refused (TCP from Linux 6.7) | not guarded |
+| other sockets, load | not guarded; ended after {PATIENCE_S:g} s without an answer | likewise |
+
+Tables say where the kernel confined nothing. A public score is a claim: its plants follow from the seed. A score within 5 % of `{HORIZON_BOUND}` is marked †: read its code. A sandbox guards the score, not the machine:
+score where you would run any stranger's code. Decisions are timed by that process's processor time on a training plant, the first few left out.
 """
 
 

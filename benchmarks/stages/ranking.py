@@ -14,6 +14,8 @@ from scipy.stats import spearmanr
 
 from baselines import HORIZON_BOUND
 from benchmarks.rows import paragraphs, write_csv
+from benchmarks.stages.entries import BESIDE, INFORMATION, RIGHT_KIND
+from benchmarks.stages.row_table import write_rows
 from benchmarks.stages.run import (
     PASSES,
     PREVIEW,
@@ -22,6 +24,7 @@ from benchmarks.stages.run import (
     SUITE_VERSION,
     WORST_PERCENT,
 )
+from benchmarks.tracking.episode import WARM_SAMPLES
 from benchmarks.tracking.evaluation import CONFIDENCE, ranged
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.arrays import Array
@@ -33,12 +36,15 @@ from rdpi_gym.support.words import number
 COLUMNS = (
     "rank", "controller", "failed", "p90_percent", "p90_low", "p90_high", "iqm_percent", "iqm_low",
     "iqm_high", "iqm_noise", "command_variation_V_s", "microseconds_per_sample", "tuning_samples",
-    "sees", "certificate", "places", "failure",
+    "iqm_information", "near_bound", "sees", "certificate", "places", "failure",
 )  # fmt: skip
 """Of a ranking. ``failed``: share of the plants; ``iqm_noise``: in units of the sensor's noise;
-``failure``: the first reason."""
+``iqm_information``: over that of the information bound; ``near_bound``: whether it is suspiciously close
+to a bound that knows the plant; ``failure``: the first reason."""
 RESAMPLES = 2000
-BOUND = "bound"
+NEAR_BOUND = 1.05
+"""IQM over that of the bound up to which a score is marked: no one who does not know the plant is expected there."""
+MARK = " †"
 
 
 def interquartile_mean(values: Array) -> Array:
@@ -91,14 +97,19 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
         iqm_low=ends["iqm"][0],
         iqm_high=ends["iqm"][1],
     )
-    is_rival = (ranked["controller"] != HORIZON_BOUND) & (ranked["sees"] == PREVIEW)
+    beside = ranked["controller"].isin(list(BESIDE))
+    is_rival = ~beside & (ranked["sees"] == PREVIEW)
     rivals: list[int] = np.flatnonzero(is_rival).tolist()
     behind = np.array(
         [[_is_behind(fails, drawn, a, b) for b in rivals] for a in rivals], dtype=np.bool_
     ).reshape(len(rivals), len(rivals))
     ahead = behind.sum(axis=1)
     last = len(rivals) - behind.sum(axis=0)
-    ranked["rank"] = np.where(ranked["controller"] == HORIZON_BOUND, BOUND, ranked["sees"])
+    labels = {name: entry.label for name, entry in BESIDE.items()}
+    ranked["rank"] = ranked["controller"].map(labels).fillna(ranked["sees"])
+    ranked["iqm_information"] = ranked["iqm_percent"] / _iqm_of(ranked, INFORMATION)
+    near = ranked["iqm_percent"] <= NEAR_BOUND * _iqm_of(ranked, HORIZON_BOUND)
+    ranked["near_bound"] = near & ~beside
     ranked["places"] = "–"
     for i, best, worst in zip(rivals, (ahead + 1).tolist(), last.tolist(), strict=True):
         ranked.loc[i, "rank"] = f"{best}{'=' if best < worst else ''}"
@@ -109,6 +120,11 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     figures = ["failed", "p90_percent", "iqm_percent"]
     ranked = ranked.sort_values(["failed", "order", *figures[1:]], kind="stable", ignore_index=True)
     return ranked[list(COLUMNS)]
+
+
+def _iqm_of(ranked: pd.DataFrame, name: str) -> float:
+    """Return the IQM (%) of one entry, NaN where it was not scored."""
+    return float(ranked.loc[ranked["controller"] == name, "iqm_percent"].sum(min_count=1))
 
 
 def _errors_and_fails(
@@ -189,13 +205,14 @@ def agreement(first: Sequence[Row], second: Sequence[Row]) -> float:
 METHOD = f"""\
 - **Plants.** Each is drawn about the nominal plant of its task; all controllers meet the same, with the same references and the same noise, and hold the nominal plant with its nominal effects. The first line says from which seed they were drawn.
 - **Score of a plant.** Mean over its references of the RMSE in percent of the reference's peak to peak, of the displacement without the sensor's noise, over the samples that the task scores.
-- **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs. Such a plant counts with {WORST_PERCENT:g} % at least.
+- **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs of processor time. Such a plant counts with {WORST_PERCENT:g} % at least.
 - **p90, IQM.** 90th percentile over the plants, and mean of their middle half; in brackets the {100 * CONFIDENCE:g} % interval of a bootstrap over the plants.
 - **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
 - **Over noise.** IQM in units of the sensor's noise (rms).
-- **Bound.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error.
+- **Beside the ranking.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error. `{RIGHT_KIND}` is `adaptive-dual-loop` told the nominal plant of the right kind, on tasks where others believe another kind. `{INFORMATION}` is the information bound: it is told of which distribution the plant was drawn, estimates it from the readings of the episode alone, and inverts the estimate like the first; where it was scored, ratios to it lead.
+- **†.** IQM within {100 * (NEAR_BOUND - 1):.0f} % of `{HORIZON_BOUND}`: closer than a controller that does not know the plant is expected to come.
 - **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are not ranked; of the latter the last pass is scored.
-- **Time.** Median time of one decision for one plant, on the machine and under the load of the run.
+- **Time.** Median processor time of one decision for one plant, after the first {WARM_SAMPLES}, on the machine of the run.
 - **Tuned on.** Plant samples of training draws that its committed settings took; 0: nothing was tuned.
 - **Certificate.** What a controller says of its stability on its belief before it drives anything.
 - **Order kept.** Spearman's correlation of the ranks of all rivals on the plants of even and of odd numbers, two disjoint draws.
@@ -216,6 +233,11 @@ class TaskScores:
         Rows that were computed now; the others were found in the run's folder.
     notes
         What a reader should know, one sentence each.
+
+    Notes
+    -----
+    ``task-rows.csv.gz``, which :meth:`write` leaves beside the tables, is what ``against`` of
+    :func:`rdpi_gym.score_tasks` takes.
     """
 
     rows: tuple[Row, ...]
@@ -272,19 +294,20 @@ class TaskScores:
         return f"{self.plants} plants a task, {self.draws}, task suite {SUITE_VERSION}."
 
     def write(self, folder: Path) -> Path:
-        """Write ``tasks.csv`` and ``tasks.md``, and return the latter."""
+        """Write ``tasks.csv``, the rows of every plant and ``tasks.md``, and return the latter."""
         table = pd.concat(
             [part.assign(task=task, draws=self.draws) for task, part in self.rankings.items()],
             ignore_index=True,
         )
         columns = ["task", *(name for name in table.columns if name != "task")]
         write_csv(folder / "tasks.csv", table[columns])
+        write_rows(folder, self.rows)
         return write_atomic(folder / "tasks.md", self._text())
 
     def _text(self) -> str:
         overview = pd.DataFrame(
             [_line(task, part, self.correlation(task)) for task, part in self.rankings.items()]
-        )
+        ).dropna(axis="columns", how="all")
         parts = [
             "# Controllers on the registered tasks",
             f"{self.seen} `tasks.csv` holds every controller, with command variation, tuning, certificate and the "
@@ -306,7 +329,8 @@ def view(ranked: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "rank": ranked["rank"],
-            "controller": ranked["controller"],
+            "controller": ranked["controller"] + ranked["near_bound"].map({True: MARK, False: ""}),
+            **_over_information(ranked),
             "failed (%)": 100.0 * ranked["failed"],
             "p90 (%)": ranged(ranked, "p90_percent", stem="p90"),
             "IQM (%)": ranged(ranked, "iqm_percent", stem="iqm"),
@@ -319,6 +343,12 @@ def view(ranked: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def _over_information(ranked: pd.DataFrame) -> dict[str, pd.Series[float]]:
+    """Return the column of ratios to the information bound, where it was scored."""
+    ratio = ranked["iqm_information"]
+    return {} if ratio.isna().all() else {"over information": ratio}
+
+
 def _short(text: object, most: int = 70) -> str:
     first = str(text).split("; ")[0]
     return first if len(first) <= most else f"{first[: most - 1]}…"
@@ -326,26 +356,40 @@ def _short(text: object, most: int = 70) -> str:
 
 def _first(task: str, ranked: pd.DataFrame) -> str:
     rivals = rivals_of(ranked)
+    if rivals.empty or (rivals["failed"] == 1.0).all():
+        return f"{task}: no controller among {len(rivals)} follows any plant{_reason(rivals)}"
     best = rivals.iloc[0]
     tied = rivals.loc[rivals["rank"] == best["rank"], "controller"].tolist()[1:]
+    ratio = float(best["iqm_information"])
+    over = "" if math.isnan(ratio) else f"{number(ratio)} times the information bound, "
     sentence = (
-        f"{task}: {best['controller']} first, IQM {number(best['iqm_percent'])} %, 90th percentile "
+        f"{task}: {best['controller']} first, {over}IQM {number(best['iqm_percent'])} %, 90th percentile "
         f"{number(best['p90_percent'])} %, failed on {number(100.0 * best['failed'])} % of the plants"
     )
-    return sentence + (f"; tied with it: {', '.join(tied)}." if tied else ".")
+    marked = rivals.loc[rivals["near_bound"], "controller"].tolist()
+    near = f" Within {100 * (NEAR_BOUND - 1):.0f} % of the bound: {', '.join(marked)}."
+    return sentence + (f"; tied with it: {', '.join(tied)}." if tied else ".") + near * bool(marked)
+
+
+def _reason(rivals: pd.DataFrame) -> str:
+    said = [text for text in rivals["failure"].tolist() if text]
+    return f"; the first reason: {said[0]}" if said else ""
 
 
 def _line(task: str, ranked: pd.DataFrame, correlation: float) -> dict[str, object]:
-    best, bound = rivals_of(ranked).iloc[0], ranked[ranked["rank"] == BOUND]
+    rivals = rivals_of(ranked)
+    alive = rivals[rivals["failed"] < 1.0]
+    best = next(part for part in (alive, rivals, ranked) if len(part)).iloc[0]
     return {
         "task": task,
-        "first": best["controller"],
+        "first": best["controller"] if len(alive) else "–",
+        "over information": best["iqm_information"],
         "failed (%)": 100.0 * best["failed"],
         "p90 (%)": best["p90_percent"],
         "IQM (%)": best["iqm_percent"],
         "over noise": best["iqm_noise"],
-        "bound, IQM (%)": float(bound["iqm_percent"].iloc[0]) if len(bound) else float("nan"),
-        "rivals without a failure": f"{int((rivals_of(ranked)['failed'] == 0.0).sum())} of {len(rivals_of(ranked))}",
+        "bound, IQM (%)": _iqm_of(ranked, HORIZON_BOUND),
+        "rivals without a failure": f"{int((rivals['failed'] == 0.0).sum())} of {len(rivals)}",
         "order kept": correlation,
     }
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,17 @@ import numpy as np
 
 from baselines import (
     CONTROLLERS,
-    HORIZON_BOUND,
     ControllerFactory,
-    TrueHorizon,
     find_factory,
     inverts_any_core,
     make_controller,
+    policy_of,
 )
 from baselines.preview import PreviewInversion
 from benchmarks.rows import TASKS, Outcome, TaskKey, complete
+from benchmarks.stages.confinement import kept_memory
+from benchmarks.stages.entries import BESIDE, told
+from benchmarks.stages.isolation import ControllerFailed, ControllerProcess, own_code
 from benchmarks.tracking.controllers import (
     code_fingerprint,
     is_learned,
@@ -44,7 +47,7 @@ SUITE_VERSION = 1
 SATURATED_PERCENT = 1.0
 """Samples (%) of a reference at the end of the command's range from which on it counts as a failure."""
 SLOWEST_US = 5000.0
-"""Time of one decision (µs) from which on a controller is too slow: fifty samples of most tasks."""
+"""Processor time of one decision (µs) from which on a controller is too slow: fifty samples of most tasks."""
 WORST_PERCENT = 100.0
 """RMSE (%) that a plant without a finite score counts with, and the least of one that failed."""
 
@@ -68,6 +71,8 @@ class Unit:
     stamp: str  # hash of all that the rows depend on
     # what makes the controller, where its name does not say
     factory: ControllerFactory | None = None
+    apart: bool = False  # whether it runs in a process of its own
+    code: Path | None = None  # own code of one that does
 
     @property
     def keys(self) -> list[TaskKey]:
@@ -79,9 +84,11 @@ def run_unit(unit: Unit) -> list[Row]:
     """Score a controller on every plant; one that fails leaves rows that say so."""
     try:
         found = _run(unit)
+    except ControllerFailed as error:
+        found = {number: {"failure": f"{ERROR}: {error}"} for number in unit.plants}
     except Exception as error:  # a user's controller may raise anything; the others go on
         reason = f"{ERROR}: {one_line(f'{type(error).__name__}: {error}')}"
-        return [_row(unit, number) | {"failure": reason} for number in unit.plants]
+        found = {number: {"failure": reason} for number in unit.plants}
     return [_row(unit, number) | found[number] for number in unit.plants]
 
 
@@ -89,22 +96,25 @@ def _run(unit: Unit) -> dict[int, Row]:
     task = named_task(unit.task)
     rows: dict[int, Row] = {}
     for lanes in task.lanes("test", unit.plants, unit.seed):
-        timed, first = 0.0, lanes.draws[0]
-        if unit.controller != HORIZON_BOUND:
-            alone = _controller(unit, lanes)
-            timed = microseconds_per_sample(
-                alone, first.truth, lanes.layout(), first.references_um[:, 0]
-            )
-        if timed > SLOWEST_US:
-            reason = f"{SLOW}: {timed:.3g} µs a sample, at most {SLOWEST_US:g} are allowed"
-            slow = {"failure": reason} | {"microseconds_per_sample": timed}
-            rows |= {draw.number: slow for draw in lanes.draws}
-            continue
-        controller = _controller(unit, lanes)
-        taken = _passes(controller, lanes)
-        common = {"microseconds_per_sample": timed, **_statements(controller)}
+        with _entrant(unit, lanes) as make:
+            timed = 0.0 if unit.controller in BESIDE else _timed(make(), lanes)
+            if timed > SLOWEST_US:
+                reason = f"{SLOW}: {timed:.3g} µs of processor time a sample, at most {SLOWEST_US:g} are allowed"
+                slow = {"failure": reason, "microseconds_per_sample": timed}
+                rows |= {draw.number: slow for draw in lanes.draws}
+                continue
+            controller = make()
+            taken = _passes(controller, lanes)
+            common = {"microseconds_per_sample": timed, **_statements(controller)}
         rows |= {number: row | common for number, row in plant_scores(task, lanes, taken).items()}
     return rows
+
+
+def _timed(controller: Controller, lanes: Lanes) -> float:
+    """Time one decision (µs) on a training plant, from which nothing of the test plants follows."""
+    task, number = lanes.task, lanes.draws[0].number % len(lanes.task.nominals)
+    draw = task.draw("training", number)
+    return microseconds_per_sample(controller, draw.truth, lanes.layout(), draw.references_um[:, 0])
 
 
 def _passes(controller: Any, lanes: Lanes) -> Recording:
@@ -118,12 +128,17 @@ def _passes(controller: Any, lanes: Lanes) -> Recording:
     return taken
 
 
-def _controller(unit: Unit, lanes: Lanes) -> Controller:
-    """Make what is scored: the bound alone is given the true plants, all others their belief."""
-    layout = lanes.layout()
-    if unit.controller == HORIZON_BOUND:
-        return TrueHorizon(lanes.plant(), layout)
-    return make_controller(unit.factory or unit.controller, lanes.belief, layout)
+@contextmanager
+def _entrant(unit: Unit, lanes: Lanes) -> Iterator[Callable[[], Controller]]:
+    """Give what makes the controller anew: it is told the belief; only what has no rank knows more."""
+    belief, layout = told(lanes.belief), lanes.layout()
+    if unit.controller in BESIDE:
+        yield partial(BESIDE[unit.controller].make, lanes)
+    elif unit.apart:
+        with kept_memory(), ControllerProcess(unit.controller, unit.code) as process:
+            yield partial(process.make, belief, layout)
+    else:
+        yield partial(make_controller, unit.factory or unit.controller, belief, layout)
 
 
 def _statements(controller: Any) -> Row:
@@ -134,6 +149,7 @@ def _statements(controller: Any) -> Row:
         "certificate": certificate_of(controller),
         "sees": AGAIN if getattr(controller, "repeats", False) else sees,
         "tuning_samples": int(getattr(controller, "plant_samples", 0)),
+        **({"confined": controller.is_confined} if hasattr(controller, "is_confined") else {}),
     }
 
 
@@ -271,43 +287,86 @@ def run_tasks(
     factories: Mapping[str, ControllerFactory] | None = None,
     bound: bool = True,
     stamped: bool = True,
+    submitted: Mapping[str, Path | None] | None = None,
 ) -> Outcome:
     """Compute what is missing, and return every row that was asked for; an interrupted run goes on.
 
-    Without `stamped` rows carry no hash of what they depend on.
+    Without `bound` no entry beside the ranking is scored that is not asked for; without `stamped` rows
+    carry no hash of what they depend on. Controllers of strangers are `submitted`, each with its own
+    code if it has any; they, and with a private seed all, run in processes of their own.
     """
     drawn = TestSeed() if seed is None else seed
     names = [named_task(task).name for task in tasks]
     made = dict(factories or {})
-    entrants = list(dict.fromkeys((*controllers, *made, *([HORIZON_BOUND] if bound else []))))
-    for name in entrants:
-        if is_learned(name):
-            read_policy(name)
-        elif name not in (*CONTROLLERS, *made, HORIZON_BOUND):
-            find_factory(name)
-    if plants < 1 or not names or not set(entrants) - {HORIZON_BOUND}:
+    codes = dict(submitted or {})
+    asked = list(dict.fromkeys((*controllers, *codes, *made)))
+    for name in asked:
+        _check(name, made, codes, drawn)
+    apart = {name for name in asked if name in codes or not drawn.is_public} - set(BESIDE)
+    if plants < 1 or not names or not asked:
         raise InputError("nothing to score; give at least one controller, one task and one plant")
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for --out")
     units = [
         Unit(
             name, task, drawn.seed, drawn.label, tuple(range(plants)[first : first + PLANTS]),
-            _stamp(name, task, made) if stamped else "", made.get(name),
+            _stamp(name, task, made) if stamped else "", made.get(name), name in apart,
+            codes.get(name),
         )
         for task in dict.fromkeys(names)
-        for name in entrants
+        for name in (*asked, *(_beside(task, asked) if bound else ()))
         for first in range(0, plants, PLANTS)
     ]  # fmt: skip
     store, notes = TASKS.open(out), list[str]()
     stamps = {k: unit.stamp for unit in units for k in unit.keys}
-    computed = complete(
-        store, units, run_unit, lambda unit: unit.keys,
-        lambda row: stamps.get(TASKS.key(row), row["stamp"]) != row["stamp"],
-        name=TASKS.key, note=notes.append,
-        stale="Rows of changed code or controllers were set aside in {.name}.",
-        jobs=jobs, progress=progress, ray_address=ray_address,
-    )  # fmt: skip
-    return Outcome([store.rows[k] for unit in units for k in unit.keys], computed, tuple(notes))
+    with ExitStack() as stack:
+        if apart:
+            stack.enter_context(kept_memory())
+        computed = complete(
+            store, units, run_unit, lambda unit: unit.keys,
+            lambda row: stamps.get(TASKS.key(row), row["stamp"]) != row["stamp"],
+            name=TASKS.key, note=notes.append,
+            stale="Rows of changed code or controllers were set aside in {.name}.",
+            jobs=jobs, progress=progress, ray_address=ray_address,
+        )  # fmt: skip
+    rows = [store.rows[k] for unit in units for k in unit.keys]
+    if any(row.get("confined") is False for row in rows):
+        notes.append(_UNCONFINED)
+    return Outcome(rows, computed, tuple(notes))
+
+
+_UNCONFINED = (
+    "The kernel did not confine the controllers' processes: their code could read the files of whoever "
+    "ran them."
+)
+
+
+def _beside(task: str, asked: Sequence[str]) -> list[str]:
+    """Return the entries beside the ranking of a task that are not asked for already."""
+    one = named_task(task)
+    return [name for name, entry in BESIDE.items() if name not in asked and entry.enters(one)]
+
+
+def _check(
+    name: str,
+    made: Mapping[str, ControllerFactory],
+    codes: dict[str, Path | None],
+    drawn: TestSeed,
+) -> None:
+    """Refuse a controller that is not there; find the code of one that runs apart, and run none of it."""
+    if name in made and not drawn.is_public:
+        raise InputError(
+            f"{name} is a callable of this process, where the private seed is; give it as module:attribute"
+        )
+    if name in codes or name in (*CONTROLLERS, *made, *BESIDE):
+        return
+    if is_learned(name):
+        read_policy(name)
+    elif drawn.is_public or ":" not in name:
+        find_factory(name)
+    if not drawn.is_public:
+        folder = Path(policy_of(name) or "")
+        codes[name] = (folder if folder.is_dir() else None) if is_learned(name) else own_code(name)
 
 
 def _stamp(controller: str, task: str, made: Mapping[str, ControllerFactory]) -> str:

@@ -6,15 +6,14 @@ import hashlib
 import math
 import shlex
 import shutil
-import sys
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from baselines import policy_of
 from benchmarks.rows import TASKS
+from benchmarks.stages.isolation import own_code
 from benchmarks.stages.ranking import TaskScores
 from benchmarks.stages.run import SUITE_VERSION, TestSeed, run_tasks
 from benchmarks.tracking.controllers import code_fingerprint, is_learned
@@ -62,6 +61,11 @@ class Submission:
         if is_learned(self.controller):
             return f"{self.controller.partition(':')[0]}:{self.folder / self.code}"
         return f"{Path(self.code).stem}:{self.controller.partition(':')[2]}"
+
+    @property
+    def path(self) -> Path | None:
+        """Place of its own code; None for a controller of this package."""
+        return self.folder / self.code if self.code else None
 
 
 def submit(
@@ -158,17 +162,25 @@ def score_submission(
     out: Path,
     jobs: int = 1,
     progress: Progress | None = None,
+    bound: bool = True,
+    plants: int | None = None,
 ) -> TaskScores:
-    """Score a submission on draws of a seed, beside the bound.
+    """Score a submission on draws of a seed, by default all that it was scored on, beside the bound.
 
-    The code in the folder is run: score only what you would run anyway.
+    The code in the folder is run, in a process of its own.
     """
     entry = read_submission(folder)
-    here = str(folder.resolve())
-    if here not in sys.path:
-        sys.path.insert(0, here)
+    count = entry.plants if plants is None else min(plants, entry.plants)
     outcome = run_tasks(
-        [entry.runs_as], entry.tasks, entry.plants, out, seed=seed, jobs=jobs, progress=progress
+        [],
+        entry.tasks,
+        count,
+        out,
+        seed=seed,
+        jobs=jobs,
+        progress=progress,
+        bound=bound,
+        submitted={entry.runs_as: entry.path},
     )
     notes = [*outcome.notes]
     if seed.is_public:
@@ -178,7 +190,7 @@ def score_submission(
             for row in outcome.rows
             if row["controller"] == entry.runs_as
         )
-        whole = len(entry.tasks) * entry.plants
+        whole = len(entry.tasks) * count
         notes.append(
             f"The submitted rows are reproduced, all {whole}."
             if not differ
@@ -214,21 +226,14 @@ def _copied(controller: str, folder: Path) -> str:
         with replaced_folder(folder / "policy") as fresh:
             shutil.copytree(path, fresh, dirs_exist_ok=True)
         return "policy"
-    module, colon, _ = controller.partition(":")
-    if not colon:
+    if ":" not in controller:
         return ""
-    spec = find_spec(module)
-    origin = None if spec is None else spec.origin
-    if (
-        origin is None
-        or not Path(origin).is_file()
-        or spec is None
-        or spec.submodule_search_locations
-    ):
+    origin = own_code(controller)
+    if origin is None:
         raise InputError(
             f"{controller!r} is not of a single file; write a submission as one module, for example my_controller.py"
         )
-    content = Path(origin).read_bytes()
+    content = origin.read_bytes()
     name = f"submitted_{hashlib.sha256(content).hexdigest()[:12]}.py"
     write_atomic(folder / name, content)
     return name

@@ -55,6 +55,8 @@ def bench(
     full: bool = False,
     draws: int | None = None,
     seed_file: Path | None = None,
+    no_bound: bool = False,
+    against: Path | None = None,
     verbose: VerboseOption = False,
 ) -> None:
     """Rank controllers by their tracking error; an interrupted run continues.
@@ -94,18 +96,26 @@ def bench(
     draws : 1 or more
         Test plants of each task; 20 by default.
     seed_file : FILE
-        A file with the seed of the test plants, one whole number; else the public seed.
+        A file with the seed of the test plants, one whole number; else the public seed. With it
+        controllers run in processes of their own.
+    no_bound
+        Of tasks: without the entries that know more than a controller may.
+    against : FILE
+        Of tasks: task-rows.csv.gz of a table; says how many rows are as it states them.
     """
     own = controller or []
     if task is not None or full:
         others = {"--plants": plants, "--references": references, "--ts": ts, "--plant": plant,
                   "--belief": belief, "--seeds": seeds if seeds != _SEEDS else None,
                   "--seed": seed or None}  # fmt: skip
-        _bench_tasks(task, full, draws, seed_file, words(controllers), own, out, jobs, ray, others)
+        _bench_tasks(
+            task, full, draws, seed_file, words(controllers), own, out, jobs, ray, others,
+            not no_bound, against,
+        )  # fmt: skip
         return
-    if draws is not None or seed_file is not None:
+    if draws is not None or seed_file is not None or no_bound or against is not None:
         raise InputError(
-            "--draws and --seed-file are of registered tasks; give --task NAME or --full with them"
+            "--draws, --seed-file, --no-bound and --against are of registered tasks; give --task NAME or --full with them"
         )
     with progress_bar() as show:
         scores = rg.benchmark(
@@ -163,6 +173,8 @@ def _bench_tasks(
     jobs: int,
     ray: str | None,
     others: Mapping[str, object],
+    bound: bool,
+    against: Path | None,
 ) -> None:
     """Score the registered tasks."""
     given = [name for name, value in others.items() if value is not None]
@@ -185,6 +197,8 @@ def _bench_tasks(
             jobs=jobs,
             ray=ray,
             progress=show,
+            bound=bound,
+            against=against,
         )
     _print_scores(scores, own, out)
     _refuse_failures(scores, own)
@@ -233,9 +247,11 @@ def score(
     folder: Path,
     out: OutOption = Path("results/score"),
     seed_file: Path | None = None,
+    draws: int | None = None,
+    no_bound: bool = False,
     jobs: JobsOption = -1,
 ) -> None:
-    """Score a submission; with --seed-file on plants that nobody has seen.
+    """Score a submission in a process of its own; with --seed-file on plants that nobody has seen.
 
     Parameters
     ----------
@@ -243,9 +259,16 @@ def score(
         As rdpi submit leaves it; its code is run.
     seed_file : FILE
         A file with the seed of the test plants, one whole number; else the public seed.
+    draws : 1 or more
+        Test plants of each task, as many as were submitted by default and at most.
+    no_bound
+        Without the entries that know more than a controller may.
     """
     with progress_bar() as show:
-        scores = rg.score_submission(folder, seed_file=seed_file, out=out, jobs=jobs, progress=show)
+        scores = rg.score_submission(
+            folder, seed_file=seed_file, out=out, jobs=jobs, progress=show, plants=draws,
+            bound=not no_bound,
+        )  # fmt: skip
     _print_scores(scores, [], out)
 
 

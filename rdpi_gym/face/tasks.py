@@ -11,6 +11,7 @@ from typing import Any
 from baselines import Controller
 from benchmarks.stages import submission
 from benchmarks.stages.ranking import TaskScores
+from benchmarks.stages.row_table import checked_against
 from benchmarks.stages.run import field, read_seed, run_tasks
 from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS
@@ -36,6 +37,8 @@ def score_tasks(
     jobs: int = -1,
     ray: str | None = None,
     progress: Progress | None = None,
+    bound: bool = True,
+    against: PathLike[str] | str | None = None,
 ) -> TaskScores:
     """Score controllers on registered tasks: failures first, then the worst tenth of the plants.
 
@@ -60,6 +63,10 @@ def score_tasks(
         Address of a Ray cluster that scores in place of processes here.
     progress
         Called as ``progress(stage, done, total)``.
+    bound
+        Whether entries that know more than a controller may are scored beside the ranking.
+    against
+        ``task-rows.csv.gz`` of a table; the notes say how many rows are as it states them.
 
     Returns
     -------
@@ -69,7 +76,8 @@ def score_tasks(
     Raises
     ------
     InputError
-        An unknown name, a seed file that holds none, an argument of another type.
+        An unknown name, a seed file that holds none, an argument of another type, a callable with a
+        private seed: it would run where that seed is.
 
     Examples
     --------
@@ -99,8 +107,12 @@ def score_tasks(
             ray_address=ray,
             factories=factories,
             stamped=out is not None,
+            bound=bound,
         )
-    return TaskScores(tuple(outcome.rows), seed.label, outcome.computed, outcome.notes)
+    notes = list(outcome.notes)
+    if against is not None:
+        notes.append(checked_against(outcome.rows, Path(against)))
+    return TaskScores(tuple(outcome.rows), seed.label, outcome.computed, tuple(notes))
 
 
 @checked
@@ -146,15 +158,19 @@ def score_submission(
     out: PathLike[str] | str | None = None,
     jobs: int = -1,
     progress: Progress | None = None,
+    plants: int | None = None,
+    bound: bool = True,
 ) -> TaskScores:
-    """Score a submission on draws that it need not have seen; the code in its folder is run.
+    """Score a submission on draws that it need not have seen; its code runs in a process of its own.
 
     Parameters
     ----------
     folder
         As :func:`submit` leaves it.
-    seed_file, out, jobs, progress
+    seed_file, out, jobs, progress, bound
         As :func:`score_tasks`.
+    plants
+        Number of plants of each task; by default, and at most, as many as were submitted.
 
     Returns
     -------
@@ -172,6 +188,8 @@ def score_submission(
             Path(scratch if out is None else out),
             jobs=jobs,
             progress=progress,
+            bound=bound,
+            plants=plants,
         )
 
 

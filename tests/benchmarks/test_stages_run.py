@@ -7,14 +7,25 @@ import pytest
 
 from baselines import make_controller
 from baselines.model_predictive import TrueHorizon
+from benchmarks.stages.entries import BESIDE, INFORMATION, RIGHT_KIND, told
 from benchmarks.stages.ranking import (
+    TaskScores,
     interquartile_mean,
     rank_correlation,
     ranking,
 )
-from benchmarks.stages.run import WORST_PERCENT, TestSeed, field, read_seed, run_tasks
-from benchmarks.tracking.episode import play
+from benchmarks.stages.row_table import checked_against, write_rows
+from benchmarks.stages.run import (
+    SLOWEST_US,
+    WORST_PERCENT,
+    TestSeed,
+    field,
+    read_seed,
+    run_tasks,
+)
+from benchmarks.tracking.episode import microseconds_per_sample, play
 from rdpi_gym.envs.tasks import TASKS
+from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
@@ -48,13 +59,29 @@ class Rails(Wrapped):
 
 class Slow(Wrapped):
     def predict(self, *args, **options):
-        time.sleep(0.5)
+        end = time.process_time() + 0.05
+        while time.process_time() < end:
+            pass
+        return super().predict(*args, **options)
+
+
+class Waits(Wrapped):
+    """Computes nothing for longer than a decision may take, as where others have the machine."""
+
+    def predict(self, *args, **options):
+        time.sleep(1.5e-6 * SLOWEST_US)
         return super().predict(*args, **options)
 
 
 class Certified(Wrapped):
     def certificate(self):
         return "small gain 0.5 below 1"
+
+
+def test_time_is_that_of_the_processor():
+    layout, r = TASKS["Bare"].layout(), np.zeros(40)
+    controller = Waits(TASKS["Bare"].belief(), layout)
+    assert 1.0 < microseconds_per_sample(controller, P10, layout, r) < SLOWEST_US
 
 
 FACTORIES = {kind.__name__: kind for kind in (AnswersNaN, Raises, Rails, Slow, Certified)}
@@ -114,6 +141,10 @@ def test_another_seed_has_other_plants_and_its_name_does_not_tell_it(tmp_path):
     private = run_tasks(["none"], ["Bare"], 2, tmp_path, seed=seed, bound=False)
     public = run_tasks(["none"], ["Bare"], 2, tmp_path, bound=False)
     assert private.rows[0]["rmse_percent"] != public.rows[0]["rmse_percent"]
+    assert "confined" in private.rows[0]  # it ran in a process of its own
+    assert "confined" not in public.rows[0]
+    with pytest.raises(InputError, match="Rails is a callable of this process"):
+        run_tasks([], ["Bare"], 1, tmp_path, seed=seed, factories={"Rails": Rails})
     assert "1234567890" not in (tmp_path / "task-rows.jsonl").read_text()
     assert (seed.is_public, TestSeed().is_public) == (False, True)
 
@@ -127,6 +158,20 @@ def test_the_bound_is_within_the_noise_while_a_load_comes_and_has_no_rank():
     assert np.sqrt(np.mean(left**2)) < 2.0 * TASKS["Load"].noise_um
     rows = rows_of({"true-plant-horizon": np.full(4, 0.1), "none": np.ones(4)})
     assert ranking(rows)["rank"].tolist() == ["bound", "1"]
+
+
+def test_the_information_bound_finds_the_plant_from_its_readings():
+    scores = {}
+    for name in (INFORMATION, RIGHT_KIND):
+        (lanes,) = TASKS["Duhem"].lanes("training", 1)
+        controller = BESIDE[name].make(lanes)
+        r = lanes.references_um[:1500]
+        taken = play(controller, lanes.track(lanes.layout()), r, lanes.noises)
+        scores[name] = np.sqrt(np.mean((taken.displacement_um - r)[1000:] ** 2))
+    assert scores[INFORMATION] < 0.5 * scores[RIGHT_KIND]
+    assert scores[INFORMATION] < 2.0 * TASKS["Duhem"].noise_um
+    with pytest.raises(InputError, match="no information bound is known of Ageing"):
+        BESIDE[INFORMATION].make(TASKS["Ageing"].lanes("training", 1)[0])
 
 
 REFUSED = [
@@ -162,6 +207,58 @@ def test_the_worst_tenth_counts_before_the_middle_half():
     assert found["controller"].tolist() == ["steady", "risky", "worst"]
     assert found["rank"].tolist() == ["1", "2", "3"]
     assert rank_correlation(rows_of({"a": steady, "b": 2 * steady, "c": risky + 9})) == 1.0
+
+
+def test_the_headline_names_no_controller_that_fails_everywhere_and_marks_what_is_near_a_bound():
+    errors = {
+        "true-plant-horizon": np.full(4, 0.1),
+        "peek": np.full(4, 0.104),
+        "pi": np.full(4, 1.0),
+    }
+    scores = TaskScores(tuple(rows_of(errors)), "public seed 0")
+    assert scores.answer.startswith("Bare: peek first, IQM 0.104 %")
+    assert scores.answer.endswith("Within 5 % of the bound: peek.")
+    assert scores.leaders("Bare")["controller"].tolist() == ["true-plant-horizon", "peek †", "pi"]
+    failed = [row | {"failure": "error: no idea"} for row in rows_of({"peek": np.full(4, 0.1)})]
+    assert TaskScores(tuple(failed), "public seed 0").answer == (
+        "Bare: no controller among 1 follows any plant; the first reason: error: no idea"
+    )
+
+
+def test_ratios_to_the_information_bound_lead_where_it_was_scored():
+    errors = {INFORMATION: np.full(4, 0.1), RIGHT_KIND: np.full(4, 0.2), "pi": np.full(4, 0.4)}
+    scores = TaskScores(tuple(rows_of(errors)), "public seed 0")
+    assert scores.answer.startswith("Bare: pi first, 4 times the information bound")
+    table = scores.leaders("Bare")
+    assert table["rank"].tolist() == ["information bound", "told the kind", "1"]
+    assert table["over information"].tolist() == pytest.approx([1.0, 2.0, 4.0])
+
+
+def test_a_controller_is_told_numbers_and_no_name():
+    beliefs = [task.belief() for task in TASKS.values()]
+    assert {told(belief).name for belief in beliefs} == {"stage"}
+    for belief in beliefs:
+        known = told(belief)
+        assert (known.hysteresis, known.effects) == (belief.hysteresis, belief.effects)
+        assert known.note == ""
+        assert not known.identification
+
+
+def test_rows_of_every_plant_are_kept_and_a_subset_is_checked_against_them(outcome, tmp_path):
+    rows = outcome[1].rows
+    path = write_rows(tmp_path, rows)
+    assert path.read_bytes() == write_rows(tmp_path, rows).read_bytes()
+    some = [row for row in rows if row["plant"] == 1]
+    assert checked_against(some, path) == "7 of 7 rows are as task-rows.csv.gz states them."
+    changed = [some[0] | {"rmse_percent": 1.001 * some[0]["rmse_percent"]}, *some[1:]]
+    assert checked_against(changed, path).startswith("6 of 7 rows")
+    for wrong, said in (
+        ([some[0] | {"plant": 9}], "none of these rows"),
+        (some, "is no task-rows"),
+    ):
+        with pytest.raises(InputError, match=said):
+            checked_against(wrong, path)
+        path.write_bytes(path.read_bytes()[:40] + b"?" * 40)
 
 
 def test_the_field_holds_rivals_only():

@@ -2,12 +2,14 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
 import rdpi_gym.cli as cli
+from baselines import HORIZON_BOUND, make_controller
 from baselines.learned.policy import SHIPPED
-from benchmarks.stages import run
+from benchmarks.stages import entries
 
 OWN = """
 from baselines import make_controller
@@ -20,16 +22,12 @@ def mine(belief, layout):
 @pytest.fixture(autouse=True)
 def a_bound_that_is_quick(monkeypatch):
     """Let a plain inverse stand for the bound, which takes seconds."""
-    real = run._controller
-    monkeypatch.setattr(
-        run,
-        "_controller",
-        lambda one, lanes: (
-            run.make_controller("classical-reference-rate", lanes.belief, lanes.layout())
-            if one.controller == run.HORIZON_BOUND
-            else real(one, lanes)
-        ),
-    )
+
+    def make(lanes):
+        return make_controller("classical-reference-rate", lanes.belief, lanes.layout())
+
+    quick = replace(entries.BESIDE[HORIZON_BOUND], make=make)
+    monkeypatch.setitem(entries.BESIDE, HORIZON_BOUND, quick)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +112,7 @@ def test_bad_words_are_answered_in_one_line(capsys, tmp_path_factory, monkeypatc
     for words, said in [
         (["bench", "--task", "Stag"], "did you mean 'Stage'"),
         (["bench", "--task", "Stage", "--plants", "P5"], "--plants is not for registered tasks"),
-        (["bench", "--draws", "3"], "--draws and --seed-file are of registered tasks"),
+        (["bench", "--draws", "3"], "--against are of registered tasks"),
         (["bench", "--full", "--task", "Stage"], "--full is every task"),
         (["bench", "--task", "Bare", "--seed-file", "no-such-file"], "no-such-file cannot be read"),
         (["submit", "pii"], "did you mean 'pi'"),
