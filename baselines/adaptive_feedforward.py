@@ -98,6 +98,7 @@ class AdaptiveFeedforward(Tunable):
     """
 
     name = "adaptive-feedforward"
+    aliases = ("adaptive-inverse-dynamics",)
     knobs = (
         Knob("lead_samples", 1.0, 12.0, 2.0),
         Knob("memory_s", 0.02, 5.0, 0.05, "s", logarithmic=True),
@@ -336,6 +337,7 @@ class AdaptiveInverse(Tunable):
     """
 
     name = "adaptive-inverse"
+    aliases = ("adaptive-play-weights",)
     needs_core = RDPI
     knobs = (
         Knob("memory_s", 0.02, 5.0, 0.1, "s", logarithmic=True),

@@ -16,10 +16,10 @@ from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
-from rdpi_gym.plant import CORES, PlantModel, named_plant, pack
+from rdpi_gym.plant import PlantModel, named_plant, pack
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.bouc_wen_kernel import bouc_wen_block
-from rdpi_gym.plant.cores.duhem import duhem_block
+from rdpi_gym.plant.cores.duhem import Duhem, duhem_block
 from rdpi_gym.plant.cores.generalised import generalised_block
 from rdpi_gym.plant.cores.play import play
 from rdpi_gym.plant.cores.preisach import preisach_block
@@ -27,14 +27,16 @@ from rdpi_gym.support.arrays import Array
 
 NOMINAL = ("preisach", "bouc_wen", "asymmetric_bouc_wen", "duhem", "generalised_pi")
 """Cores of the bank: the library's models of a measured PICMA stack, scaled to a belief."""
-LENGTHS = (0.15, 0.4)
+LENGTHS = (0.2, 0.8)
 """Length constants of generic inner variables, as shares of the command range."""
-THRESHOLDS = (0.06, 0.26)
+THRESHOLDS = (0.03, 0.06, 0.1, 0.15, 0.26, 0.4)
 """Thresholds of generic plays, as shares of the command range."""
+POWERS = (1, 2, 3)
+"""Powers of the place in the command range."""
 CORE_SPREAD = 0.5
 """Expected size of the weight of a nominal core."""
 INNER_SPREAD, GENERIC_SPREAD = 0.2, 0.1
-"""Expected size of the gains of inner variables, and of lines, squares and plays, over the belief's."""
+"""Expected size of the gains of inner variables, and of powers and plays, over the belief's."""
 STATIC_SHARE = 0.3
 """Expected size of the corrections without dynamics, over that of ``adaptive-feedforward``: the cores
 carry most of them."""
@@ -66,7 +68,7 @@ def _walked(core: Core, ts_s: float, commands_V: Sequence[float], rest_V: float)
     state = np.zeros((2 + core.n, 1))
     state[2:, 0] = core.settled((rest_V,))
     y = np.empty_like(u)
-    core.block(u, np.zeros_like(u), pack([core], ts_s, [0.0]), state, y)
+    type(core).block(u, np.zeros_like(u), pack([core], ts_s, [0.0]), state, y)
     walked: Array = y[:, 0]
     return walked
 
@@ -75,8 +77,8 @@ class CoreBank:
     """y = H_0[u] + Σ w_c (H_c[u] - H_0[u]) + Σ g_i b_i[u] with its inverse; H_0 is the belief's core.
 
     The H_c are nominal cores of the library, scaled to the command range and the stroke of the belief.
-    The b_i are generic: u, u², inner variables of two lengths, and plays times the place in the range,
-    which bend rising and falling branches unlike. A column is what each of them gives for the applied
+    The b_i are generic: three powers of u, inner variables of two lengths, and plays times the place in
+    the range, which bend rising and falling branches unlike. A column is what each of them gives for the applied
     command, so the weights enter linearly and no noise does. The command is found along chords, a
     fixed number of evaluations on copies of the memory.
     """
@@ -90,7 +92,7 @@ class CoreBank:
         rest, *swing = _walked(core, ts, (0.0, low, high), 0.0)
         stroke_um = swing[1] - swing[0]
         members = [self._member(kind, stroke_um) for kind in NOMINAL]
-        inner = [CORES["duhem"](b=0.0, c=1.0, length_V=part * (high - low)) for part in LENGTHS]
+        inner = [Duhem(b=0.0, c=1.0, length_V=part * (high - low)) for part in LENGTHS]
         self.cores = [*(member.core for member in members), *inner]
         self._packed = [pack([each], ts, [0.0]) for each in self.cores]
         self._anchor = pack([core], ts, [belief.offset_um])
@@ -102,7 +104,7 @@ class CoreBank:
         scale = (own_range[1] - own_range[0]) / (high - low)
         self._place = (scale, own_range[0] - scale * low, 0.5 * (low + high), 0.5 * (high - low))
         self.thresholds_V = tuple(part * (high - low) for part in THRESHOLDS)
-        self.count = len(self.cores) + 2 + len(THRESHOLDS)
+        self.count = len(self.cores) + len(POWERS) + len(THRESHOLDS)
         self.slopes = (LEAST_SLOPE * core.a0, core.A, LARGEST_SLOPE * core.A)
         counts = {f"member_{i}": 2 + each.n for i, each in enumerate([core, *self.cores])}
         self.rows = Rows(
@@ -130,7 +132,7 @@ class CoreBank:
     def spreads(self) -> list[float]:
         """Return the expected sizes of the weights, as the columns are ordered."""
         gain = self.core.A
-        inner, others = len(LENGTHS), 2 + len(THRESHOLDS)
+        inner, others = len(LENGTHS), len(POWERS) + len(THRESHOLDS)
         return [
             *[CORE_SPREAD] * len(NOMINAL),
             *[INNER_SPREAD * gain] * inner,
@@ -142,7 +144,7 @@ class CoreBank:
         lanes = len(reference_um)
         memory, of = np.zeros((self.rows.total, lanes)), self.rows.of
         members = of(memory, "members")
-        scale, shift, _, _ = self._place
+        shift = self._place[1]
         for i, core in enumerate([self.core, *self.cores]):
             is_nominal = 0 < i <= len(NOMINAL)
             rest_V = shift if is_nominal else 0.0
@@ -185,7 +187,8 @@ class CoreBank:
         _along_chord(of(memory, "columns"), *given)
         for _ in range(TRIES):
             _along_chord(self._columns(search[3], rate[0], members.copy()), *given)
-        return search[3]
+        command: Array = search[3]
+        return command
 
     def _columns(self, command_V: Array, rate_V_s: Array, members: Array) -> Array:
         """Return H_0 and the columns after one sample; the members are moved on."""
@@ -264,12 +267,12 @@ def _member_columns(
         for i in range(5):
             out[1 + i, b] = gains[i] * (out[1 + i, b] - rests_um[i]) - own
         at = (u[0, b] - place[2]) / place[3]
-        out[8, b] = u[0, b]
-        out[9, b] = place[3] * at * at
-        for i in range(2):
+        for i in range(len(POWERS)):
+            out[8 + i, b] = place[3] * at ** POWERS[i]
+        for i in range(len(thresholds_V)):
             threshold, row = thresholds_V[i], states[8] + i
             state[row, b] = play(state[row, b], u[0, b] - threshold, u[0, b] + threshold)
-            out[10 + i, b] = at * state[row, b]
+            out[8 + len(POWERS) + i, b] = at * state[row, b]
 
 
 class BankFeedforward(CorrectedAdaptive):
@@ -356,7 +359,7 @@ class AdaptiveCoreBank(AdaptiveDualLoop):
     >>> from rdpi_gym.plant import P10
     >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
     >>> AdaptiveCoreBank(P10, layout, {}).feedforward.fit.size
-    31
+    36
 
     Notes
     -----
