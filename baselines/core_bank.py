@@ -368,6 +368,7 @@ class AdaptiveCoreBank(AdaptiveDualLoop):
     """
 
     name = "adaptive-core-bank"
+    tuned_as = AdaptiveDualLoop.name  # the loop is the same
 
     def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
         """Return the feedforward on the bank; its settings are those of ``adaptive-feedforward``."""
