@@ -14,13 +14,16 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
+import rdpi_gym
 from baselines.extended import ExtendedInverse
 from baselines.inverses.base import inverse_of
 from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
 from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.verify import verify
 from rdpi_gym.plant import CORES, P5, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, load_effect
 from rdpi_gym.plant.parameters import DataScale
@@ -30,6 +33,7 @@ from tests.firmware.programs import answers, needs_gcc
 
 TS_S, SAMPLES, LANES = 1e-4, 300, 2
 PLANS = ("iterative-learning", "preview-inversion", "repetitive")
+BANK = "adaptive-core-bank"
 EFFECTS = (
     load_effect("creep")(),
     load_effect("resonance")(f0_hz=700.0, damping=0.02),
@@ -66,11 +70,27 @@ def allowed(program: Program) -> float:
 
 @needs_gcc
 def test_every_controller_gives_the_commands_of_the_one_that_scores(tmp_path: Path) -> None:
-    left_out = (*PLANS, *(() if find_spec("slycot") else ("h-infinity",)))
+    left_out = (*PLANS, BANK, *(() if find_spec("slycot") else ("h-infinity",)))
     for name in (each for each in CONTROLLERS if each not in left_out):
         program = as_scored(controller_program(name, P10, TS_S), Case("", name, P10, name))
         assert off_by(program, tmp_path) <= allowed(program), name
         assert program.exact or program.inexact_because, name
+
+
+@needs_gcc
+@pytest.mark.slow
+def test_a_bank_of_cores_is_off_by_no_more_than_its_estimate_makes_of_roundings(
+    tmp_path: Path,
+) -> None:
+    """Its cores are summed in another order in C, and least squares make much of a last digit."""
+    for belief in (P10, TASKS["Duhem"].belief()):
+        exported = rdpi_gym.export_c(
+            belief, tmp_path / belief.name.replace(" ", "-"), controller=BANK, ts_s=TS_S
+        )
+        found = verify(exported.path, records=3, samples=500)
+        double = next(row for row in found.rows if row.what == "records")
+        assert found.passed
+        assert double.largest < 1e-6
 
 
 @needs_gcc
