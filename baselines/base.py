@@ -242,7 +242,8 @@ class Baseline(ABC):
         Parameters
         ----------
         observation
-            ``(D,)`` or, for B episodes side by side, ``(B, D)``.
+            ``(D,)`` or, for B episodes side by side, ``(B, D)``; the history that the layout says an
+            environment appends may stand behind.
         state
             What the last call returned; None begins every episode.
         episode_start
@@ -271,7 +272,7 @@ class Baseline(ABC):
         0.392
         """
         shown = np.asarray(observation)
-        batch = shown[None] if shown.ndim == 1 else shown
+        batch = self.layout.shown_now(shown[None] if shown.ndim == 1 else shown)
         if batch.ndim != 2 or batch.shape[1] != self.layout.size:
             raise InputError(
                 f"an observation of shape {shown.shape}; this layout shows {self.layout.size} numbers, with preview {self.layout.preview}"

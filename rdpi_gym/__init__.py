@@ -41,13 +41,13 @@ register(
 
 # Files of tasks say in lines as `PiezoBareEnv, bare_vector = ...` which environments they have; they are
 # read here, and imported when one is made.
-_ENVS = re.compile(r"^Piezo(\w+)Env(?:, (\w+))? = ", re.MULTILINE)
+_ENVS = re.compile(r"^Piezo(\w+)Env, (\w+) = ", re.MULTILINE)
 for _file in sorted((Path(__file__).parent / "envs" / "tasks").glob("*.py")):
     for _task, _vector in _ENVS.findall(_file.read_text("utf-8")):
         register(
             id=f"rdpi_gym/Piezo{_task}-v0",
             entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:Piezo{_task}Env",
-            vector_entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:{_vector}" if _vector else None,
+            vector_entry_point=f"rdpi_gym.envs.tasks.{_file.stem}:{_vector}",
             max_episode_steps=2500,
         )
 

@@ -77,7 +77,7 @@ def chromium() -> Iterator[Any]:
 
 WIDTH_PX, _TIMEOUT_MS = 980, 60_000
 # The figure of a section; of several, the one with that number or under that name.
-_DRAW = """([section, choice, width]) => {
+_DRAW = """async ([section, choice, width]) => {
   const sections = [...document.querySelectorAll("section")];
   const found = sections.find((each) => each.querySelector("h2").textContent === section);
   if (!found) return "no section";
@@ -85,7 +85,10 @@ _DRAW = """([section, choice, width]) => {
   const boxes = found.querySelectorAll(".figure");
   const box = option ? document.getElementById(option.value) : boxes[(Number(choice) || 1) - 1];
   if (!box || (choice && !option && !Number(choice))) return "no figure";
-  const figure = JSON.parse(document.getElementById(box.dataset.figure).textContent);
+  const packed = atob(document.getElementById(box.dataset.figure).textContent);
+  const bytes = new Blob([Uint8Array.from(packed, (letter) => letter.charCodeAt(0))]);
+  const text = new Response(bytes.stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  const figure = JSON.parse(await text);
   // what a picture cannot do: buttons
   const layout = {...figure.layout, updatemenus: []};
   return Plotly.toImage({data: figure.data, layout: layout},

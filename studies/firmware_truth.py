@@ -104,7 +104,7 @@ def measure(chosen: Sequence[Case], records: int, seed: int, say: bool = False) 
 
 def as_scored(program: Program, case: Case) -> Program:
     """Return an exported program beside the controller that a benchmark makes and scores."""
-    believed, own = make_stage(case.model).plant, program.twin
+    believed, own = make_stage(case.model).belief, program.twin
     assert isinstance(own, ControllerTwin)
     layout = type(own.made.layout).for_plant(believed, program.ts_s, preview=program.preview)
     made = make_controller(case.controller or "", believed, layout)

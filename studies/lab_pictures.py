@@ -29,7 +29,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(asked: Namespace) -> None:
-    with chromium() as browser, tempfile.TemporaryDirectory() as scratch:
+    with (
+        chromium() as browser,
+        tempfile.TemporaryDirectory(prefix="rdpi-lab-") as scratch,
+    ):
         _exercise(browser, Path(scratch) / "exercise", asked.out)
         _measured(browser, Path(scratch) / "measured", asked.out)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -31,6 +32,9 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
 from rdpi_gym.support.progress import Progress
 
+LATEST, LATEST_S = "latest", 10.0
+"""Folder of the policy as it is while a training runs, and the time (s) after which it is written again."""
+_TOLD = ("timesteps", "rmse_um", "command_variation_V_s")
 _COMPARED = ("rmse_um", "rmse_percent", "command_variation_V_s")
 
 
@@ -43,6 +47,7 @@ class Course:
         self._stretch, self._seeded = -1, False
         self._rewards: list[float] = []
         self._before_s, self._began = 0.0, time.perf_counter()
+        self._kept_at = self._began
         self._held_out = HeldOut(run.options)
         name = run.options.baseline
         self._compensator = self._held_out.evaluate(partial(make_controller, name))
@@ -64,6 +69,8 @@ class Course:
             self._seed()
         elif not self._seeded:
             self._seed()
+        if time.perf_counter() - self._kept_at > LATEST_S:
+            self._keep_latest()
         self._seeded = True
         return found
 
@@ -99,7 +106,16 @@ class Course:
         write_atomic(out / CURVE, curve_text(self.rows))
         progress = {"rows": self.rows, "stretch": self._stretch, "seconds": seconds}
         save_checkpoint(out / CHECKPOINT, self.learner, progress, finished)
+        self._kept_at = time.perf_counter()
+        if finished:
+            shutil.rmtree(out / LATEST, ignore_errors=True)
         return asdict(found)
+
+    def _keep_latest(self) -> None:
+        """Write the policy as it is now, not evaluated: what goes on still goes on from a whole stretch."""
+        story = self._story({"timesteps": self.learner.timesteps})
+        replace(self._policy(), training=story).save(self.run.options.out / LATEST)
+        self._kept_at = time.perf_counter()
 
     def _policy(self) -> Policy:
         settings, layout, options = self.run.settings, self.learner.layout, self.run.options
@@ -128,7 +144,7 @@ class Course:
             "algorithm": self.run.algorithm,
             "seed": self.run.options.seed,
             "plants": [model.name for model in self.run.options.models],
-            **{name: row[name] for name in ("timesteps", "rmse_um", "command_variation_V_s")},
+            **{name: row[name] for name in _TOLD if name in row},
         }
 
 

@@ -24,6 +24,7 @@ from benchmarks.stages.run import (
     SUITE_VERSION,
     WORST_PERCENT,
 )
+from benchmarks.tracking.controllers import own_of
 from benchmarks.tracking.episode import WARM_SAMPLES
 from benchmarks.tracking.evaluation import CONFIDENCE, ranged
 from rdpi_gym.envs.tasks import TASKS
@@ -270,7 +271,13 @@ class TaskScores:
 
     def leaders(self, task: str, own: Sequence[str] = ()) -> pd.DataFrame:
         """Return the first of one task's ranking as a reader sees it, and a user's own."""
-        return leaders(self.ranking(task), own).drop(columns="certificate")
+        return leaders(self.ranking(task), [*own, *self.own]).drop(columns="certificate")
+
+    @property
+    def own(self) -> list[str]:
+        """A user's own controllers, whose rows are shown wherever they stand."""
+        names = {str(row["controller"]): None for row in self.rows}
+        return own_of(name for name in names if name not in BESIDE)
 
     def correlation(self, task: str) -> float:
         """Return the correlation of the ranks on the plants of even and of odd numbers; NaN where there are too few."""
@@ -319,8 +326,12 @@ class TaskScores:
         ]
         for task, part in self.rankings.items():
             title = TASKS[task].title if task in TASKS else ""
-            shown = view(rivals_of(part)).drop(columns=["command (V/s)", "tuned on", "certificate"])
-            parts += [f"## {task}", f"{title}.", leading_rows(shown, "tasks.csv")]
+            ranked = part[
+                part.index.isin(rivals_of(part).index) | part["controller"].isin(self.own)
+            ]
+            shown = view(ranked).drop(columns=["command (V/s)", "tuned on", "certificate"])
+            own = [name + mark for name in self.own for mark in ("", MARK)]
+            parts += [f"## {task}", f"{title}.", leading_rows(shown, "tasks.csv", own=own)]
         return paragraphs(parts)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.util import find_spec
@@ -50,6 +50,17 @@ def shipped_policies() -> tuple[list[str], tuple[str, ...]]:
         left_out = f"Left out, since torch is not installed (rdpi-gym[rl]): {', '.join(names)}."
         return [], (left_out,)
     return [LEARNED + name for name in names], ()
+
+
+def own_of(controllers: Iterable[str]) -> list[str]:
+    """Return those that are a user's own: no controller, bound or policy of this package."""
+    shipped = {path.parent.name for path in POLICIES.glob(f"*/{_DESCRIPTION}")}
+    ours = {*CONTROLLERS, *_BOUNDS}
+    return [
+        name
+        for name in dict.fromkeys(controllers)
+        if name not in ours and policy_of(name) not in shipped
+    ]
 
 
 def read_policy(controller: str) -> Policy | StudentPolicy:

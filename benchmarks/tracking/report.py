@@ -27,14 +27,14 @@ from benchmarks.tracking.stages import NOISE_UM, SPREAD, SUITE_VERSION, Stage
 from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.support.files import write_atomic
-from rdpi_gym.support.markdown import LEADING_ROWS, frame_table, leading_rows, plain
+from rdpi_gym.support.markdown import LEADING_ROWS, frame_table, leading, leading_rows, plain
 from rdpi_gym.support.store import Row
 from rdpi_gym.support.words import number
 
 METHOD = f"""\
 - **Score.** Root mean square and largest tracking error of the noise-free displacement, in µm and in percent of the reference's peak to peak. A reference starts smoothly within its first period, which is not counted; the whole periods after it are.
 - **Plants.** Every plant that scores has its rate low-passed at {RATE_BANDWIDTH_HZ:g} Hz at most, since a literal one rewards dither. Its displacement is measured with {1e3 * NOISE_UM:g} nm of white noise (one standard deviation) unless the plant states its own; only feedback sees the measurement.
-- **Truth and belief.** Every controller holds the nominal plant, its hysteresis without other effects (column `belief`). The truth (column `plant`) of seed 0 is that plant; of every other seed it is drawn around it: each weight, each gap between thresholds and δ2 by its own factor, uniform within 1 ± {SPREAD:g}. The seed also draws the noise and the phases of multisine and noise references. All controllers meet the same truths.
+- **Truth and belief.** Every controller holds the nominal plant, with its effects where it has some (column `belief`). The truth (column `plant`) of seed 0 is that plant; of every other seed it is drawn around it: each weight, each gap between thresholds and δ2 by its own factor, uniform within 1 ± {SPREAD:g}. The seed also draws the noise and the phases of multisine and noise references. All controllers meet the same truths.
 - **Means and intervals.** Means over cases and seeds are geometric. An interval in brackets is the {100 * CONFIDENCE:g} % confidence interval of the mean over the drawn seeds, by Student's t on the logarithms; seed 0 is not among them.
 - **Rank.** One more than the number of controllers that are better: those for which the {100 * CONFIDENCE:g} % confidence interval of the paired difference over the drawn seeds is below zero (Student's t on the difference of the logarithms of their means). `=` marks a rank that several controllers have; they are in the order of their means. `places` are the ranks that the paired differences of a controller with all others leave open.
 - **Mean rank.** By RMSE within each case and seed, the bound aside.
@@ -53,7 +53,7 @@ WHERE_TRAINED = (
 def leaderboard_text(evaluation: Evaluation) -> str:
     """Write the leaderboard as Markdown."""
     selection, table, cases = evaluation.selection, evaluation.table, evaluation.by_case
-    order, measured = evaluation.order, evaluation.measured
+    order, measured, own = evaluation.order, evaluation.measured, evaluation.own
     seeds = ", ".join(map(str, selection.seeds))
     parts = [
         "# Leaderboard of the tracking benchmark",
@@ -65,11 +65,12 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         "Geometric mean of the RMSE over the cases, with its confidence interval. The rank is one "
         "more than the number of controllers that are better beyond doubt; `=` marks a tie. "
         "`RMSE, seed 0`: where the belief is true.",
-        leading_rows(ranking_view(evaluation.ranking), "ranking.csv"),
+        leading_rows(ranking_view(evaluation.ranking), "ranking.csv", own=own),
     ]
     for ts, ranked in evaluation.where_trained.items():
         title = f"## Ranking at Ts = {ts:g} s, where trained policies run"
-        parts += [title, WHERE_TRAINED, leading_rows(ranking_view(ranked), "ranking.csv")]
+        shown = leading_rows(ranking_view(ranked), "ranking.csv", own=own)
+        parts += [title, WHERE_TRAINED, shown]
     parts += ["## What the numbers mean", METHOD, _below_bound(table)]
     for stage in selection.stages:
         ts = stage.shown_ts_s
@@ -77,18 +78,18 @@ def leaderboard_text(evaluation: Evaluation) -> str:
         if not part.empty:
             parts += [f"## {stage.plant.name} at Ts = {ts:g} s: RMSE (% of peak to peak)"]
             view = _case_view(part, order)
-            parts += [_stage_words(stage, part), leading_rows(view, "leaderboard.csv")]
+            parts += [_stage_words(stage, part), leading_rows(view, "leaderboard.csv", own=own)]
     parts += [
         "## Error against sampling time",
         "Geometric mean of the RMSE (%) over the references that every sampling time of a plant has.",
-        leading_rows(_ts_view(cases[~cases["extrapolated"]], order), "leaderboard.csv"),
+        leading_rows(_ts_view(cases[~cases["extrapolated"]], order), "leaderboard.csv", own=own),
     ]
     if words(table["status"].tolist()):
         parts += [
             "## Status",
             "Rows with each word in their status, of all rows, those beyond the identification "
             "among them.",
-            leading_rows(_status_view(table, order), "leaderboard.csv"),
+            leading_rows(_status_view(table, order), "leaderboard.csv", own=own),
         ]
     parts += ["## On real input", measured_text(measured)]
     if not measured.table.empty:
@@ -205,8 +206,8 @@ _LOOK = (
     "The colour shows the inverse (grey: none, red: inversion-free, blue: classical, green: feedback "
     "alone), the symbol the rate that it uses; a dotted line or an open symbol means added feedback."
 )
+_OF_FILES = ("- **Mean rank.**", "- **Optimality gap.**")
 _HEADINGS = {
-    "seed_0_rmse_percent": "RMSE, seed 0 (%)",
     "command_total_variation": "Command variation",
     "microseconds_per_sample": "µs per sample",
     "errors": "Rows with errors",
@@ -225,7 +226,7 @@ def write_benchmark_page(
     )
     rivals = ranked[ranked["rank"] != "bound"]
     rivals = ranked if rivals.empty else rivals
-    first = rivals.head(LEADING_ROWS)
+    first = leading(rivals, results.own)
     leaders = [name for name in results.order if name in set(first["controller"])]
     cases = results.by_case.dropna(subset="rmse_percent")
     frequency = charts.frequency_charts(cases, leaders)
@@ -240,8 +241,7 @@ def write_benchmark_page(
         ),
         _folded(
             f"All {len(rivals)} controllers",
-            "The bound beside them knows the true plant. Places: the ranks that paired "
-            "differences leave open.",
+            "The bound beside them knows the true plant. More columns are in ranking.csv.",
             _ranking_chart(ranked) if len(rivals) > LEADING_ROWS else None,
             _ranking_table(ranked, least_um),
         ),
@@ -250,7 +250,7 @@ def write_benchmark_page(
                 f"Ranking at Ts = {ts:g} s",
                 f"{WHERE_TRAINED} The first {LEADING_ROWS}; ranking.csv has all.",
                 None,
-                _ranking_table(part.head(1 + LEADING_ROWS), least_um),
+                _ranking_table(leading(part, results.own, 1 + LEADING_ROWS), least_um),
             )
             for ts, part in results.where_trained.items()
         ),
@@ -275,15 +275,15 @@ def write_benchmark_page(
         )
         sections.append(_folded("Traces of any pair", text, pairs))
     text = (
-        "RMSE (%) of the leaders on each reference at the shortest sampling time, geometric mean "
-        "over the drawn truths. Every row of every controller is in leaderboard.csv."
+        "RMSE of the leaders on each reference at the shortest sampling time, geometric mean over "
+        "the drawn truths. Every row of every controller is in leaderboard.csv."
     )
     sections.append(_folded("Every reference", text, None, _by_reference(results, leaders)))
     if payoff is not None:
         sections.append(replace(payoff_section(payoff), folded=True))
     sections += [
         _folded("On real input", plain(measured_text(measured)), *_on_real_input(measured)),
-        _folded("What the numbers mean", plain(METHOD)),
+        _folded("What the numbers mean", plain(_of_page(METHOD))),
     ]
     if results.notes:
         notes = "\n".join(f"- {note}" for note in results.notes)
@@ -296,6 +296,12 @@ def _folded(
     title: str, text: str, figure: Any = None, table: pd.DataFrame | None = None
 ) -> Section:
     return Section(title, text, figure, table, folded=True)
+
+
+def _of_page(method: str) -> str:
+    """Leave out what is explained of columns that the page does not show."""
+    lines = method.splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith(_OF_FILES))
 
 
 def _ranking_chart(ranked: pd.DataFrame) -> Any:
@@ -312,11 +318,10 @@ _ERRORS = ("rmse_percent", "Interval (%)")
 
 
 def _ranking_table(ranked: pd.DataFrame, noise_um: float) -> pd.DataFrame:
-    """Return a ranking as a reader of the page sees it; gaps to the bound are in ``ranking.csv``."""
+    """Return a ranking as a reader of the page sees it; ``ranking.csv`` has the other columns."""
     columns = (
         "rank", "controller", "rmse_percent", "rmse_percent_low", "rmse_percent_high", "status",
-        "seed_0_rmse_percent", "mean_rank", "places", "command_total_variation",
-        "microseconds_per_sample",
+        "command_total_variation", "microseconds_per_sample",
     )  # fmt: skip
     shown = _readable(ranked, noise_um)
     return table_view(shown[[name for name in columns if name in shown.columns]])
@@ -353,7 +358,8 @@ def _by_reference(results: Evaluation, leaders: Sequence[str]) -> pd.DataFrame:
     keys = ["plant", "reference"]
     wide = named.pivot(index=keys, columns="controller", values="text").fillna("–")
     order = pd.MultiIndex.from_frame(named[keys].drop_duplicates())
-    return wide.reindex(index=order, columns=list(leaders)).reset_index()
+    wide = wide.reindex(index=order, columns=list(leaders))
+    return wide.rename(columns="{} (%)".format).reset_index()
 
 
 def _on_real_input(measured: MeasuredScores) -> tuple[Any, pd.DataFrame | None]:

@@ -115,9 +115,7 @@ def _controller(task: Task, layout: ObservationLayout, truths: Sequence[PlantMod
     """Make what is scored: the bound alone is given the true plants, all others their belief."""
     if task.controller == FULL_PREVIEW:
         return FullPreviewInversion(truths, layout)
-    return make_controller(
-        task.factory or task.controller, task.stage.belief(task.controller), layout
-    )
+    return make_controller(task.factory or task.controller, task.stage.belief, layout)
 
 
 def _scores(
@@ -159,9 +157,7 @@ def _row(task: Task, lane: Lane) -> Row:
     return {
         "controller": task.controller,
         "plant": task.stage.plant.name,
-        "belief": TRUE_PLANT
-        if task.controller == FULL_PREVIEW
-        else task.stage.belief(task.controller).name,
+        "belief": TRUE_PLANT if task.controller == FULL_PREVIEW else task.stage.belief.name,
         "reference": lane.case.reference,
         "frequency_hz": lane.case.frequency_hz,
         "ts_s": task.ts_s,

@@ -42,7 +42,7 @@ _SAMPLES, _LANES = 5, 2
 
 def try_controller(name: str, stage: Stage, factory: ControllerFactory | None = None) -> None:
     """Run a controller for a few samples of two episodes, and see that it controls."""
-    ts_s, belief = min(stage.every_ts_s), stage.belief(name)
+    ts_s, belief = min(stage.every_ts_s), stage.belief
     try:
         usual = ObservationLayout.for_plant(stage.plant, ts_s)
         layout = stage.layout(ts_s, make_controller(factory or name, belief, usual))
@@ -222,7 +222,7 @@ def _with_trained(stages: Sequence[Stage], ts_s: Sequence[float], alone: bool) -
 
 def _without_unsuited(selection: Selection, requested: set[str]) -> Selection:
     """Leave out controllers of another hysteresis core than any belief's; one asked for is an error."""
-    cores = ", ".join(dict.fromkeys(s.belief("").hysteresis.name for s in selection.stages))
+    cores = ", ".join(dict.fromkeys(s.belief.hysteresis.name for s in selection.stages))
     unsuited: dict[str, list[str]] = {}
     for name in selection.controllers:
         needed = selection.needed_core(name)

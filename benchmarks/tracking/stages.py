@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from baselines import inverts_effects
 from benchmarks.tracking import references as folder
 from benchmarks.tracking.case import Case, References
 from rdpi_gym.envs.layout import ObservationLayout
@@ -72,19 +71,14 @@ class Stage:
         """Whether a sampling time (s) lies between the shortest and the longest of the plant."""
         return min(self.ts_s) * (1 - 1e-9) <= ts_s <= max(self.ts_s) * (1 + 1e-9)
 
-    def belief(self, controller: str) -> PlantModel:
-        """Return what a controller is told: what is believed of the plant without other effects.
-
-        Only controllers that invert effects are told of them.
-        """
-        belief = self.plant if self.believed is None else self.believed
-        if not belief.effects or inverts_effects(controller):
-            return belief
-        return replace(belief, effects=(), name=f"{belief.name} without effects")
+    @property
+    def belief(self) -> PlantModel:
+        """What every controller is told of the plant, with all effects, as where it tracks or is exported."""
+        return self.plant if self.believed is None else self.believed
 
     def has_core(self, kind: type[Core] | None) -> bool:
         """Whether the belief has that kind of hysteresis core; None: any."""
-        return kind is None or isinstance(self.belief("").hysteresis, kind)
+        return kind is None or isinstance(self.belief.hysteresis, kind)
 
     def layout(self, ts_s: float, controller: object) -> ObservationLayout:
         """Show as much of the reference ahead as a controller says that it makes use of."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
@@ -117,9 +117,12 @@ class Correction:
         self.commands_V: Array = np.zeros(lanes)
 
     def plan(
-        self, indices: NDArray[np.int64], references_um: Array, observation: NDArray[np.float32]
+        self,
+        indices: NDArray[np.int64],
+        references_um: Mapping[int, Array],
+        observation: NDArray[np.float32],
     ) -> None:
-        """Begin episodes of a baseline that plans, over the samples ``(B, K)`` (µm) of all lanes."""
+        """Begin episodes of a baseline that plans, over the samples ``(K,)`` (µm) of each lane."""
         for j, lane in enumerate(indices.tolist()):
             self._controllers[lane].plan(references_um[lane][:, None])
             self._predict(lane, slice(lane, lane + 1), observation[j : j + 1], np.ones(1, bool))

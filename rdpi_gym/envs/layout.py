@@ -98,6 +98,9 @@ class ObservationLayout:
         Command change (V) of an action of 1, for ``increment`` and ``correction``.
     fields
         Names among ``FIELDS``, in the order of the observation; the default ones among them.
+    history
+        Earlier samples of each field that an environment appends, see
+        :class:`~rdpi_gym.envs.wrappers.history.History`; they are no part of `size`.
 
     Raises
     ------
@@ -120,6 +123,7 @@ class ObservationLayout:
     action: ActionMode = "command"
     action_scale_V: float = 1.0
     fields: Sequence[str] = DEFAULT_FIELDS
+    history: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ts_s", check_ts(self.ts_s))
@@ -136,6 +140,10 @@ class ObservationLayout:
         if not is_finite(self.centre_um):
             raise InputError(
                 f"centre_um is {quoted(self.centre_um)}; give a finite displacement (µm)"
+            )
+        if not is_whole(self.history, 0):
+            raise InputError(
+                f"history is {quoted(self.history)}; give the number of earlier samples, 0 or above"
             )
         for name in ("scale_um", "action_scale_V"):
             value = getattr(self, name)
@@ -166,10 +174,12 @@ class ObservationLayout:
         return cls(**{"fields": DEFAULT_FIELDS, **document})
 
     def to_dict(self) -> dict[str, Any]:
-        """Every parameter as JSON holds it, `fields` only where they are not the default ones."""
+        """Every parameter as JSON holds it, `fields` and `history` only where they are not the default ones."""
         document = asdict(self)
         if self.fields == DEFAULT_FIELDS:
             del document["fields"]
+        if not self.history:
+            del document["history"]
         return document
 
     @property
@@ -220,6 +230,13 @@ class ObservationLayout:
             for name, columns in self.columns.items()
             for i in range(columns.stop - columns.start)
         ]
+
+    def shown_now(self, observation: NDArray[Any]) -> NDArray[Any]:
+        """Observations ``(B, size)`` of observations behind which their history may stand."""
+        stacked = self.size + len(self.fields) * self.history
+        if self.history and observation.shape[-1] == stacked:
+            return np.ascontiguousarray(observation[..., : self.size])
+        return observation
 
     def bounds(self, range_um: float) -> NDArray[np.float32]:
         """Largest magnitudes of an observation whose displacements are within `range_um` of the centre."""

@@ -14,7 +14,10 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.controller import Correction
+from rdpi_gym.envs.draw_laws import DrawLaw
 from rdpi_gym.envs.layout import DEFAULT_FIELDS, ActionMode, ObservationLayout
+from rdpi_gym.envs.limits import COST_KEYS, Bounds, Limits
+from rdpi_gym.envs.privileged import in_place, latent_values, latents_of
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
 from rdpi_gym.envs.truth import (
     PLANT_OPTIONS,
@@ -29,6 +32,7 @@ from rdpi_gym.envs.truth import (
     reference_choices,
 )
 from rdpi_gym.envs.unit_box import UnitBox
+from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Signal
 from rdpi_gym.support.arrays import Array
@@ -115,6 +119,9 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     | `error_um` | r - y (µm) |
     | `command_V` | command u (V) |
     | `saturated` | steps of this episode whose action or command was clipped |
+    | `cost` | with `limits`: number of limits that this sample leaves; 0 at a reset |
+    | `cost_saturation`, `cost_rate`, `cost_ringing`, `cost_stroke` | its components, each 0 or 1, as Safety-Gymnasium has them: clipped; command too fast; error bent too much in a sample; displacement too far |
+    | `privileged` | with `privileged`: float64, gains (µm/V), thresholds (V) and shape of the core, then each effect's parameters, as they are now; `env.unwrapped.latents` names each with its unit. For a critic, never for a controller |
 
     ## Starting State
     The plant rests at the command nearest 0 V of its range, all play states at zero. The time is 0:
@@ -157,6 +164,8 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     | `randomise` | `0.0` | relative half-width of the hysteresis core's gains, thresholds and shape (RDPI: weights, thresholds, δ2), drawn per episode |
     | `randomise_effects` | `0.0` | relative half-width of the parameters of the plant's effects, drawn per episode at one of 33 levels |
     | `command_cost` | `0.0` | price of a command change over the whole range |
+    | `limits` | `None` | limits of safe operation, a dictionary of `rate_V_s`, `ringing_um_s2`, `stroke_um` ([Limits](rdpi_gym.envs.limits.Limits)): `info` holds costs |
+    | `privileged` | `False` | whether `info` holds the plant's latent parameters |
     | `render_mode` | `None` | `"rgb_array"`: hysteresis loop, tracking and error of the last moments |
 
     ```python
@@ -209,10 +218,14 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         randomise: float = 0.0,
         randomise_effects: float = 0.0,
         command_cost: float = 0.0,
+        limits: Limits | Mapping[str, float] | None = None,
+        privileged: bool = False,
         render_mode: str | None = None,
     ) -> None:
         sensor = {"noise_um": noise_um, "resolution_um": resolution_um}
-        self.truths = TruthSource(plant, rate_bandwidth_hz, sensor, randomise, randomise_effects)
+        self.truths = TruthSource(
+            plant, rate_bandwidth_hz, sensor, randomise, randomise_effects, self._draw_law()
+        )
         self.truth = self.nominal = self.truths.nominal
         unaware = replace(self.nominal, effects=())
         self.belief = unaware if belief is None else choose_plant(belief)
@@ -242,6 +255,14 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
                 f"command_cost is {quoted(command_cost)}; give a finite price of 0 or above"
             )
         self.command_cost = float(command_cost)
+        self.limits = Limits.of(limits)
+        self._bounds = None if self.limits is None else self.limits.of_sample(self.layout)
+        self._errors_um = 0.0, 0.0
+        if not isinstance(privileged, bool):
+            raise InputError(f"privileged is {quoted(privileged)}; give True or False")
+        self.latents = latents_of(self.truths.law.nominals) if privileged else ()
+        self._latent: Array = np.empty(0)
+        self.history = History(self.layout, 0)
         self.baseline = baseline
         self._correction = self._make_correction(baseline)
         self.bound_um = self.truths.bound_um(self.layout)
@@ -292,13 +313,18 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         observation = self._task.reset(reference, noise)
         if self._correction is not None:
             if self._correction.plans:
-                self._correction.plan(_LANE, reference.T, observation)
+                self._correction.plan(_LANE, {0: reference[:, 0]}, observation)
             else:
                 self._correction.observe(observation, _BEGINS)
         if self._figure is not None:
             self._figure.reset()
         info = self._info()
         self._command_V = info["command_V"]
+        if self._bounds is not None:
+            self._errors_um = info["error_um"], info["error_um"]
+            info |= dict.fromkeys(COST_KEYS, 0.0)
+        if self.latents:
+            info["privileged"] = self._latent_values()
         return observation[0], info
 
     def step(
@@ -316,6 +342,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         layout, signal = self.layout, self.signal
         if signal is None:
             raise ResetNeeded("call reset() before step()")
+        clipped = self._saturated
         command = self._command_for(action)
         observation = self._task.step(command)
         self._k += 1
@@ -327,6 +354,11 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         info = self._info()
         reward = -abs(info["error_um"]) / layout.scale_um
         reward -= self.command_cost * abs(command - self._command_V) / self._span_V
+        if self._bounds is not None:
+            change_V = abs(command - self._command_V)
+            self._add_costs(info, self._bounds, float(self._saturated - clipped), change_V)
+        if self.latents:
+            info["privileged"] = self._latent_values()
         self._command_V = command
         return observation[0], reward, False, False, info
 
@@ -336,6 +368,15 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             gym.logger.warn('no render_mode was given; make the environment with "rgb_array"')
             return None
         return self._live_figure().draw()
+
+    @property
+    def plans(self) -> bool:
+        """Whether actions correct a baseline that plans ahead."""
+        return self._correction is not None and self._correction.plans
+
+    def _draw_law(self) -> DrawLaw | None:
+        """Return what an episode draws beyond numbers about one nominal plant."""
+        return None
 
     def _track(self, truth: PlantModel) -> TrackingTask:
         """Return the tracking problem of a plant."""
@@ -386,6 +427,27 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             "command_V": command,
             "saturated": float(self._saturated),
         }
+
+    def _add_costs(
+        self, info: dict[str, Any], bounds: Bounds, clipped: float, change_V: float
+    ) -> None:
+        error, y = info["error_um"], info["displacement_um"]
+        last, before = self._errors_um
+        self._errors_um = error, last
+        info["cost_saturation"] = clipped
+        rate = info["cost_rate"] = 1.0 if change_V > bounds[0] else 0.0
+        bend = abs(error - 2.0 * last + before)
+        ringing = info["cost_ringing"] = 1.0 if bend > bounds[1] else 0.0
+        stroke = info["cost_stroke"] = 0.0 if bounds[2] <= y <= bounds[3] else 1.0
+        info["cost"] = clipped + rate + ringing + stroke
+
+    def _latent_values(self) -> Array:
+        """Return the numbers of the plant as it is now, as `latents` names them."""
+        (model,), law = self._task.plant.models, self.truths.law
+        if self._k == 0 or self._k in self.truths.later:
+            values = np.array(latent_values(model))
+            self._latent = in_place(values, self.truths.number, law.nominals)
+        return self._latent.copy()
 
     def reference_um(self, signal: Signal, start: int, stop: int) -> Array:
         """Sample an episode's reference (µm), ``(stop - start, 1)``.

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from rdpi_gym.envs.draw_laws import NOISE_BLOCK
 from rdpi_gym.envs.layout import (
     AHEAD,
     COLUMN,
@@ -26,9 +27,6 @@ from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted
-
-# Samples of noise drawn at a time: one call of a generator costs as much as a hundred numbers.
-_NOISE_ROWS = 1024
 
 
 @njit(cache=True)
@@ -191,7 +189,7 @@ class TrackingTask:
             )
         self._reference = reference
         self._rngs = rngs if noisy else None
-        self._noise = np.zeros((_NOISE_ROWS if noisy else 1, self.lanes))
+        self._noise = np.zeros((NOISE_BLOCK if noisy else 1, self.lanes))
         self._k = -1
         self.plant.reset(u0_V=self._rest_V)
         return self.step(self._rest_V)
@@ -224,7 +222,7 @@ class TrackingTask:
         noise_row = self._k % len(self._noise)
         if noise_row == 0 and self._rngs is not None:
             for lane, rng in enumerate(self._rngs):
-                self._noise[:, lane] = rng.standard_normal(_NOISE_ROWS) * self._deviation[lane]
+                self._noise[:, lane] = rng.standard_normal(NOISE_BLOCK) * self._deviation[lane]
         observation = np.empty(self._shape, dtype=np.float32)
         _show(
             self._k,

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rdpi_gym.envs.draw_laws import DrawLaw
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, find_plant
 from rdpi_gym.plant.effects import Effect
@@ -108,6 +109,21 @@ def randomise_effects(model: PlantModel, half_width: float, rng: np.random.Gener
     return replace(model, effects=tuple(effects))
 
 
+def draw_truth(
+    law: DrawLaw,
+    half_width: float,
+    effects_half_width: float,
+    rng: np.random.Generator,
+    number: int,
+) -> tuple[PlantModel, Mapping[int, PlantModel]]:
+    """Return a plant about a nominal one, and what it becomes within an episode, by the sample."""
+    model = randomise_plant(law.nominals[number % len(law.nominals)], half_width, rng)
+    model = randomise_effects(model, effects_half_width, rng)
+    if law.ageing is not None:
+        model = law.ageing(model, float(rng.uniform()))
+    return model, {} if law.schedule is None else law.schedule(model, rng)
+
+
 def with_parameters(model: PlantModel, parameters: Mapping[str, Any]) -> PlantModel:
     """Return the plant with other values of some fields of its hysteresis."""
     document = model.to_dict()
@@ -132,7 +148,8 @@ class TruthSource:
     """Draws the plant of each episode about `nominal`: band-limited, with a sensor's fields replaced.
 
     The relative half-widths, 0 or more and below 1, are those of :func:`randomise_plant` and
-    :func:`randomise_effects`.
+    :func:`randomise_effects`; `law` says what is drawn beyond. `later` is what the last plant becomes,
+    by the sample of its episode, `number` that of its nominal plant.
     """
 
     def __init__(
@@ -142,6 +159,7 @@ class TruthSource:
         sensor: Mapping[str, float | None],
         half_width: float,
         effects_half_width: float = 0.0,
+        law: DrawLaw | None = None,
     ) -> None:
         widths = {"randomise": half_width, "randomise_effects": effects_half_width}
         for name, width in widths.items():
@@ -153,6 +171,12 @@ class TruthSource:
         self._rate_bandwidth_hz = rate_bandwidth_hz
         self._sensor = {name: value for name, value in sensor.items() if value is not None}
         self.nominal = self._equip(plant)
+        self.law = DrawLaw((self.nominal,))
+        if law is not None:
+            nominals = tuple(map(self._equip, law.nominals)) or (self.nominal,)
+            self.law = replace(law, nominals=nominals)
+        self.later: Mapping[int, PlantModel] = {}
+        self.number = 0
 
     def bound_um(self, layout: ObservationLayout) -> float:
         """Distance from the layout's centre (µm) that no reading of an episode goes beyond."""
@@ -161,14 +185,18 @@ class TruthSource:
 
     def draw(self, seed: int, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel:
         """Return the plant of an episode: what the options say, else one drawn about the nominal."""
-        model = self.given(options, layout)
+        self.later, self.number = {}, 0
+        model, law = self.given(options, layout), self.law
         if model is not None:
+            self.number = law.kind_of(model)
             return model
-        if self.half_width == self.effects_half_width == 0.0:
+        if self.half_width == self.effects_half_width == 0.0 and not law.draws:
             return self.nominal
         rng = np.random.default_rng(seed)
-        model = randomise_plant(self.nominal, self.half_width, rng)
-        return randomise_effects(model, self.effects_half_width, rng)
+        self.number = int(rng.integers(len(law.nominals)))
+        widths = self.half_width, self.effects_half_width
+        model, self.later = draw_truth(law, *widths, rng, self.number)
+        return model
 
     def given(self, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel | None:
         """Return the plant that the options of an episode say; None where they say nothing of it."""

@@ -117,7 +117,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         Parameters
         ----------
         own
-            Controllers that are shown wherever they stand.
+            Controllers that are shown wherever they stand, beside the user's own.
         most
             Number of the others.
 
@@ -131,7 +131,7 @@ class Evaluation(DisplayMixin, evaluation.Evaluation):
         for at_s, ranked in ((None, self.ranking), *self.where_trained.items()):
             if not ranked.empty:
                 least_um = min(self.noise_um.values(), default=0.0)
-                title, table = first_of(ranked, own, most, least_um)
+                title, table = first_of(ranked, [*own, *self.own], most, least_um)
                 found[title + ("" if at_s is None else f" at Ts = {at_s:g} s")] = table
         return found
 

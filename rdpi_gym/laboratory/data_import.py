@@ -32,9 +32,10 @@ from rdpi_gym.measurement.text import (
     SEPARATORS,
     find_rows,
     is_number,
-    read_head,
+    read_export,
     read_lines,
     split_cells,
+    taken,
 )
 from rdpi_gym.measurement.units import plain_unit, split_name
 from rdpi_gym.support.errors import InputError
@@ -334,6 +335,7 @@ class Head:
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]] = ()
     separator: str = ""
+    taken: Sequence[str] = ()  # what a reader should know of how it was read, one clause each
 
 
 def preview(
@@ -378,6 +380,7 @@ def preview(
         ],
         "rows": [[short(cell) for cell in row[:_SHOWN_COLUMNS]] for row in head.rows],
         "separator": {"chosen": separator, "found": head.separator} if head.separator else None,
+        "taken": list(head.taken),
         "chosen": chosen,
         "units": units,
         "ts_s": own.get("ts_s"),
@@ -464,7 +467,8 @@ def _variables(names: Sequence[str]) -> Head:
 
 
 def _text(file: Path, separator: str) -> Head:
-    layout, _, rows = find_rows(file, read_head(file, _HEAD_BYTES), separator)
+    lines, encoding = read_export(file, _HEAD_BYTES)
+    layout, _, rows = find_rows(file, lines, separator)
     names = () if layout.is_shifted else layout.header
     columns = [
         Column(names[k] if k < len(names) and names.count(names[k]) == 1 and names[k] else k,
@@ -472,4 +476,5 @@ def _text(file: Path, separator: str) -> Head:
         for k in range(max(layout.width, len(names)))
     ]  # fmt: skip
     found = next(name for name, mark in SEPARATORS.items() if mark == layout.delimiter)
-    return Head(columns, [split_cells(row, layout.delimiter) for row in rows[:_ROWS]], found)
+    shown = [split_cells(row, layout.delimiter) for row in rows[:_ROWS]]
+    return Head(columns, shown, found, taken(layout, encoding))

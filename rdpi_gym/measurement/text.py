@@ -5,14 +5,16 @@ from __future__ import annotations
 import codecs
 import csv
 import gzip
+import math
 import os
 import re
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NoReturn, cast
+from typing import IO, NamedTuple, NoReturn, cast
 
 import numpy as np
 
@@ -26,27 +28,44 @@ from rdpi_gym.support.words import quoted
 
 LARGEST_TEXT = 2**30
 """Most bytes of a text file that is read: some ten million samples."""
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")  # in no text, but in most of what is none
 _PIECE = 2**20  # bytes that are expanded at once
 _MARKS = (
     (codecs.BOM_UTF8, "UTF-8"),
     (codecs.BOM_UTF16_LE, "UTF-16-LE"),
     (codecs.BOM_UTF16_BE, "UTF-16-BE"),
 )
+INSTRUMENTS = "Windows-1252"
+"""Encoding of what instruments and older programs export, where it is no UTF-8; it holds Latin-1's letters."""
 
 
-def read_lines(path: Path, largest: int = LARGEST_TEXT) -> list[str]:
-    r"""Read the lines of a text file, whatever ends them (``\n``, ``\r\n`` or ``\r``)."""
-    raw = _unpacked(path, largest) if _is_packed(path) else read_bytes(path, largest)
-    return _lines(_text(path, raw, True))
+class Lines(NamedTuple):
+    r"""Lines of a text, whatever ended them (``\n``, ``\r\n`` or ``\r``), and what it was decoded from."""
+
+    lines: list[str]
+    encoding: str
 
 
-def read_head(path: Path, most: int) -> list[str]:
-    r"""Read the first whole lines of a text file, as :func:`read_lines` does."""
-    with open_regular(path) as stream, _reading(path, stream) as content:
-        raw = content.read(most + 1)
-    is_whole = len(raw) <= most
-    lines = _lines(_text(path, raw[:most], is_whole))
-    return lines if is_whole else lines[:-1] or lines
+def read_lines(path: Path, largest: int) -> list[str]:
+    """Read the lines of a text that is UTF-8, or UTF-16 with its mark."""
+    return _lines(_text(path, read_bytes(path, largest), True)[0])
+
+
+def read_export(path: Path, most: int | None = None) -> Lines:
+    """Read the lines of a text of measurements, compressed or not, also one of :data:`INSTRUMENTS`.
+
+    With `most` no more than the whole lines of its first bytes.
+    """
+    is_whole = most is None
+    if most is None:
+        raw = _unpacked(path) if _is_packed(path) else read_bytes(path, LARGEST_TEXT)
+    else:
+        with open_regular(path) as stream, _reading(path, stream) as content:
+            raw = content.read(most + 1)
+        is_whole, raw = len(raw) <= most, raw[:most]
+    text, encoding = _text(path, raw, is_whole, INSTRUMENTS)
+    lines = _lines(text)
+    return Lines(lines if is_whole else lines[:-1] or lines, encoding)
 
 
 def _is_packed(path: Path) -> bool:
@@ -67,10 +86,10 @@ def _reading(path: Path, stream: IO[bytes]) -> Iterator[IO[bytes]]:
         ) from error
 
 
-def _unpacked(path: Path, largest: int) -> bytes:
+def _unpacked(path: Path) -> bytes:
     """Expand a text, piece by piece: no file sizes the memory."""
     with open_regular(path) as stream, _reading(path, stream) as content:
-        most = min(largest, largest_expansion(os.fstat(stream.fileno()).st_size))
+        most = min(LARGEST_TEXT, largest_expansion(os.fstat(stream.fileno()).st_size))
         whole = bytearray()
         while piece := content.read(min(_PIECE, most + 1 - len(whole))):
             whole += piece
@@ -82,16 +101,30 @@ def _unpacked(path: Path, largest: int) -> bytes:
     return bytes(whole)
 
 
-def _text(path: Path, raw: bytes, is_whole: bool) -> str:
+def _text(path: Path, raw: bytes, is_whole: bool, otherwise: str = "") -> tuple[str, str]:
+    """Return a text and its encoding: that of its mark, else UTF-8, else another one where it is given."""
     mark, encoding = next((pair for pair in _MARKS if raw.startswith(pair[0])), (b"", "UTF-8"))
     try:
-        text = codecs.getincrementaldecoder(encoding)().decode(raw[len(mark) :], is_whole)
+        text = _decoded(raw[len(mark) :], encoding, is_whole)
     except UnicodeDecodeError as error:
+        if otherwise and not mark:
+            with suppress(UnicodeDecodeError):
+                text = _decoded(raw, otherwise, is_whole)
+                if not _CONTROL.search(text):
+                    return text, otherwise
         before = error.object[: error.start].decode(encoding)
         raise InputError(
             f"{path}, {_place(before)} (byte {len(mark) + error.start}): "
             f"not {encoding} text; save the file as UTF-8"
         ) from None
+    return _without_nul(path, text), encoding
+
+
+def _decoded(raw: bytes, encoding: str, is_whole: bool) -> str:
+    return codecs.getincrementaldecoder(encoding)().decode(raw, is_whole)
+
+
+def _without_nul(path: Path, text: str) -> str:
     if "\0" in text:
         raise InputError(
             f"{path}, {_place(text[: text.index(chr(0))])}: a NUL character, so this is no UTF-8 "
@@ -127,6 +160,7 @@ class Layout:
     header: tuple[str, ...]  # Names of the columns, empty without a header
     header_line: int  # Line of the header, counted from 1
     width: int  # Values in the first line of values
+    above: int = 0  # Lines above the header, comments aside, that are left out
 
     @property
     def is_shifted(self) -> bool:
@@ -170,26 +204,72 @@ def find_delimiter(line: str) -> str | None:
     return ","
 
 
+_LOOKED_AT = 1000
+"""Rows in which the shape of a row of values is looked for: more than any instrument writes above them."""
+
+
+def _first_values(rows: Sequence[str], separator: str) -> int:
+    """Return the index of the first row of values: of as many numbers in the same cells as most rows hold.
+
+    A damaged row before it, of which half the cells are numbers, is one too: neither a name such as "2"
+    makes one of a header, nor a single number of prose.
+    """
+    cells = [
+        split_cells(row, SEPARATORS[separator] if separator else find_delimiter(row))
+        for row in rows[:_LOOKED_AT]
+    ]
+    shapes = Counter(
+        shape for row in cells if sum(shape := tuple(map(is_number, row))) > 1
+    ).most_common(1)
+    first = 0
+    if shapes:
+        first = next(k for k, row in enumerate(cells) if tuple(map(is_number, row)) == shapes[0][0])
+    elif not _holds_values(cells[0], len(cells[0])):
+        return 1
+    while first and _holds_values(cells[first - 1], len(cells[first])):
+        first -= 1
+    return first
+
+
+def _holds_values(cells: Sequence[str], width: int) -> bool:
+    filled = [cell for cell in cells if cell]
+    count = sum(map(is_number, filled))
+    return 2 * count >= len(filled) and (count == len(filled) or count > 1 or len(cells) == width)
+
+
 def find_layout(
-    rows: Sequence[str], first_line: int, comment: str, comment_line: int, separator: str = ""
+    rows: Sequence[str],
+    numbers: Sequence[int],
+    comments: Sequence[tuple[int, str]],
+    separator: str = "",
 ) -> tuple[Layout, int]:
-    """Find out how the values of a file are written."""
-    second = rows[min(1, len(rows) - 1)]
+    """Find out how the values of a file are written, and which row is the first of them.
+
+    The header is the line right above the values, or above a row of units there; a comment where that
+    line has not as many names as there are values. What stands above the header is left out.
+    """
+    first = _first_values(rows, separator)
+    below = rows[min(first, len(rows) - 1)]
+    second = rows[min(first + 1, len(rows) - 1)]
     delimiter = SEPARATORS[separator] if separator else find_delimiter(second)
-    first = split_cells(rows[0], delimiter)
-    filled = [cell for cell in first if cell]
-    # a damaged first row of values still holds numbers, and a header may hold a name such as "2"
-    if 2 * sum(map(is_number, filled)) < len(filled):
-        below = split_cells(rows[1], delimiter) if len(rows) > 1 else first
-        names = _names(rows[0], delimiter, len(below))
-        if len(names) == len(below) and all(map(is_unit, below)):
-            with_units = (f"{n} [{u.strip(' []()')}]" for n, u in zip(names, below, strict=True))
-            return Layout(delimiter, tuple(with_units), first_line, len(below)), 2
-        return Layout(delimiter, names, first_line, len(below)), 1
-    names = _names(comment, delimiter, len(first))
-    if len(names) != len(first):
-        names = ()
-    return Layout(delimiter, names, comment_line, len(first)), 0
+    width = len(split_cells(below, delimiter))
+    layout = Layout(delimiter, (), 0, width)
+    if first:
+        names = _names(rows[first - 1], delimiter, width)
+        layout = Layout(delimiter, names, numbers[first - 1], width, first - 1)
+        if first > 1 and len(names) == width and all(map(is_unit, names)):
+            units, names = names, _names(rows[first - 2], delimiter, width)
+            if len(names) == width:
+                marks = (unit.strip(" []()") for unit in units)
+                named = (f"{name} [{unit}]" for name, unit in zip(names, marks, strict=True))
+                return Layout(delimiter, tuple(named), numbers[first - 2], width, first - 2), first
+    if not first or layout.is_shifted:
+        last = numbers[first] if first < len(rows) else math.inf
+        for number, text in reversed(comments):
+            names = _names(text, delimiter, width)
+            if number < last and len(names) == width:
+                return Layout(delimiter, names, number, width, first), first
+    return layout, first
 
 
 def _names(line: str, delimiter: str | None, width: int) -> tuple[str, ...]:
@@ -217,7 +297,7 @@ def read_text(
     Lines that begin with ``#`` or ``%`` are comments. Decimal commas are understood where no
     comma stands between the values.
     """
-    lines = read_lines(path)
+    lines, encoding = read_export(path)
     layout, numbers, rows = find_rows(path, lines, separator)
     sources = _sources(path, layout, numbers[0], columns, time_needed)
     indices = {
@@ -232,7 +312,7 @@ def read_text(
         columns={name: values[:, k].copy() for k, name in enumerate(indices)},
         labels=labels,
         lines=np.array(numbers),
-        remarks=_cut_off(lines[-1]),
+        remarks=(*taken(layout, encoding), *_cut_off(lines[-1])),
         names=names,
         units=units,
     )
@@ -244,7 +324,7 @@ def find_rows(
     """Find the rows of values of a text file, and how they are written."""
     numbers: list[int] = []
     rows: list[str] = []
-    comment, comment_line = "", 0
+    comments: list[tuple[int, str]] = []
     for number, line in enumerate(lines, 1):
         text = line.lstrip()
         if len(line) > _LONGEST_LINE:
@@ -254,18 +334,28 @@ def find_rows(
         if text and text[0] not in "#%":
             numbers.append(number)
             rows.append(line)
-        elif text and not rows:
-            comment, comment_line = text.lstrip("#% "), number
-    header_rows = 0
+        elif text:
+            comments.append((number, text.lstrip("#% ")))
     if rows:
-        layout, header_rows = find_layout(rows, numbers[0], comment, comment_line, separator)
-        numbers, rows = numbers[header_rows:], rows[header_rows:]
+        layout, first = find_layout(rows, numbers, comments, separator)
+        numbers, rows = numbers[first:], rows[first:]
     if not rows:
         raise InputError(
             f"{path}, line {len(lines)}: the file ends before its first value; "
             "give lines of numbers, t,u,y"
         )
     return layout, numbers, rows
+
+
+def taken(layout: Layout, encoding: str) -> tuple[str, ...]:
+    """State what was taken of a text that is more than a header and values in UTF-8."""
+    said = []
+    if layout.above:
+        lines = "line above it is" if layout.above == 1 else "lines above it are"
+        said.append(f"the header is line {layout.header_line}; {layout.above} {lines} left out")
+    if encoding == INSTRUMENTS:
+        said.append(f"the file is no UTF-8 and was read as {INSTRUMENTS}")
+    return tuple(said)
 
 
 def _cut_off(last_line: str) -> tuple[str, ...]:

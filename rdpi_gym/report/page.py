@@ -99,13 +99,17 @@ SCRIPT = """
 (() => {
   const config = {responsive: true, displaylogo: false, showSendToCloud: false,
                   modeBarButtonsToRemove: ["select2d", "lasso2d"]};
-  const draw = (box) => {
-    if (!window.Plotly || box.dataset.drawn || box.hidden) return;
+  const unpack = (packed) => {
+    const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  };
+  const draw = async (box) => {
+    if (!window.Plotly || box.dataset.begun || box.hidden) return;
     if (box.closest("details:not([open])")) return;
+    box.dataset.begun = "yes";
+    const figure = JSON.parse(await unpack(document.getElementById(box.dataset.figure)));
+    await Plotly.newPlot(box, figure.data, figure.layout, config);
     box.dataset.drawn = "yes";
-    const data = document.getElementById(box.dataset.figure);
-    const figure = JSON.parse(data.textContent);
-    Plotly.newPlot(box, figure.data, figure.layout, config);
   };
   const boxes = [...document.querySelectorAll(".figure")];
   // one after the other, so that the page answers in between; hidden ones when they are chosen
@@ -116,10 +120,8 @@ SCRIPT = """
   };
   const packed = document.getElementById("plotly");
   const load = async () => {
-    const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
     const script = document.createElement("script");
-    script.textContent = await new Response(stream).text();
+    script.textContent = await unpack(packed);
     document.head.append(script);
     drawFrom(0);
     for (const folded of document.querySelectorAll("details")) {
@@ -239,9 +241,7 @@ def write_page(
         f'<li><a href="#s{i}">{say(escape(s.title))}</a></li>'
         for i, s in enumerate(sections, start=1)
     )
-    # packed: a third of its size, and every browser since 2023 unpacks it
-    packed = b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
-    plotly = f'<script type="text/plain" id="plotly">{packed}</script>' if next(numbers) > 1 else ""
+    plotly = _packed("plotly", get_plotlyjs()) if next(numbers) > 1 else ""
     document = f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -276,7 +276,7 @@ def _written(quantities: Quantities, write: Callable[[str], str]) -> Quantities:
 
 def _in_json(word: str) -> str:
     """Write a word as it stands within a text of a figure, in JSON within a page."""
-    return json.dumps(figure_text(word))[1:-1].replace("<", "\\u003c")
+    return json.dumps(figure_text(word))[1:-1]
 
 
 def _section_html(
@@ -316,14 +316,18 @@ def _figure_html(
     name: str, figure: Any, title: str, drawn: Callable[[str], str], hidden: bool = False
 ) -> str:
     figure = plotly_figure(figure) if isinstance(figure, Chart) else figure
-    # "<" cannot end the script element early when it is written as JSON's escape
-    data = drawn(figure.to_json().replace("<", "\\u003c"))
     height = figure.layout.height or 420
     return (
-        f'<script type="application/json" id="{name}-data">{data}</script>'
+        f"{_packed(f'{name}-data', drawn(figure.to_json()))}"
         f'<div class="figure" role="figure" aria-label="{escape(title)}" id="{name}" data-figure="{name}-data" style="min-height:{height}px"'
         f"{' hidden' if hidden else ''}></div>\n"
     )
+
+
+def _packed(name: str, text: str) -> str:
+    """Write a script or the data of a figure at a third of its size; every browser since 2023 unpacks it."""
+    packed = b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode()
+    return f'<script type="text/plain" id="{name}">{packed}</script>'
 
 
 def _prose(text: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from rdpi_gym.support.words import number
@@ -50,13 +50,28 @@ def frame_table(frame: pd.DataFrame, digits: int | None = 3, rule: Rule = "align
     return table(head, rows, right, rule)
 
 
+def leading(
+    frame: pd.DataFrame, own: Collection[str] = (), most: int = LEADING_ROWS
+) -> pd.DataFrame:
+    """Return the first rows of a ranking, and those of a user's own controllers wherever they stand."""
+    names = frame["controller"] if own else [""] * len(frame)
+    return frame[[k < most or name in own for k, name in enumerate(names)]]
+
+
 def leading_rows(
-    frame: pd.DataFrame, file: str, digits: int | None = 3, most: int = LEADING_ROWS
+    frame: pd.DataFrame,
+    file: str,
+    digits: int | None = 3,
+    most: int = LEADING_ROWS,
+    own: Collection[str] = (),
 ) -> str:
-    """Write the first rows of a data frame, and the file that holds all of them."""
-    text = frame_table(frame.head(most), digits)
-    left = len(frame) - most
-    return text if left <= 0 else f"{text}\n\nThe first {most} of {len(frame)} rows of `{file}`."
+    """Write the leading rows of a data frame, and the file that holds all of them."""
+    shown = leading(frame, own, most)
+    text = frame_table(shown, digits)
+    if len(shown) == len(frame):
+        return text
+    yours = ", and yours" if len(shown) > most else ""
+    return f"{text}\n\nThe first {most} of {len(frame)} rows of `{file}`{yours}."
 
 
 def _line(cells: Iterable[str]) -> str:

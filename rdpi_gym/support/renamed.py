@@ -45,8 +45,8 @@ baselines.stability baselines.feedforward
 baselines.static_gain baselines.feedforward
 rdpi_gym.envs.correction rdpi_gym.envs.controller
 rdpi_gym.envs.references rdpi_gym.envs.truth
-rdpi_gym.envs.tasks.changing rdpi_gym.envs.tasks.task
-rdpi_gym.envs.tasks.noise rdpi_gym.envs.tasks.task
+rdpi_gym.envs.tasks.changing rdpi_gym.envs.draw_laws
+rdpi_gym.envs.tasks.noise rdpi_gym.envs.draw_laws
 rdpi_gym.envs.tasks.one_effect rdpi_gym.envs.tasks.stages
 rdpi_gym.envs.tasks.page rdpi_gym.envs.tasks.environment
 rdpi_gym.envs.tasks.structure rdpi_gym.envs.tasks.stages

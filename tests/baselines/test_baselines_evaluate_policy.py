@@ -10,6 +10,7 @@ import pytest
 import rdpi_gym  # noqa: F401  # registers the environment
 from baselines import CONTROLLERS, make_controller
 from rdpi_gym.signals import Sine
+from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
 gym = pytest.importorskip("gymnasium")
@@ -52,3 +53,20 @@ def test_every_baseline(name, static_gain_reward):
     # The episodes are the same, so one whose memory was not reset would stand out.
     assert spread < 1e-9
     assert mean > static_gain_reward or name == "pi"
+
+
+def test_a_baseline_answers_the_default_id_of_a_task_with_its_history():
+    env = gym.make("rdpi_gym/PiezoStage-v0", max_episode_steps=STEPS)
+    inner = env.unwrapped
+    controller = make_controller("hybrid", inner.belief, inner.layout)
+    rewards, lengths = evaluation.evaluate_policy(
+        controller, env, n_eval_episodes=2, return_episode_rewards=True, warn=False
+    )
+    assert lengths == [STEPS] * 2
+    assert np.isfinite(rewards).all()
+    observation, _ = env.reset(seed=0)
+    alone, _ = controller.predict(observation[: inner.layout.size])
+    stacked, _ = controller.predict(observation)
+    assert alone == stacked
+    with pytest.raises(InputError, match="this layout shows 11 numbers"):
+        controller.predict(observation[:14])  # of another preview

@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3")
 
 import torch
 
-from baselines.learned import environments
+from baselines.learned import environments, training
 from baselines.learned.checkpoint import _checkpoints
 from baselines.learned.options import PLANTS
 from baselines.learned.policy import Policy
@@ -78,16 +78,23 @@ def interrupted_at(steps):
         ("td3", "", {}), ("native-ppo", "", {}), ("native-ppo", "", {"threads": 2}),
     ],
 )  # fmt: skip
-def test_an_interruption_changes_no_bit_of_the_result(tmp_path, algorithm, more, fields):
+def test_an_interruption_changes_no_bit_of_the_result(
+    tmp_path, algorithm, more, fields, monkeypatch
+):
     whole, cut = (options(tmp_path, algorithm, name, more, **fields) for name in ("whole", "cut"))
     TRAINERS[algorithm].train(whole)
+    monkeypatch.setattr(training, "LATEST_S", 0.0)
     for steps in (64, 200, 300):  # before the first checkpoint, and between others
         with pytest.raises(KeyboardInterrupt):
             TRAINERS[algorithm].train(cut, interrupted_at(steps))
+        if steps < 300:  # the end of the training was kept already
+            kept = Policy.load(cut.out / "latest").training["timesteps"]
+            assert steps - 128 <= kept < steps
     torch.rand(3)
     np.random.rand(3)  # noqa: NPY002  # what else a process has drawn does not matter
     TRAINERS[algorithm].train(cut)
     assert curve(cut.out) == curve(whole.out)
+    assert not (cut.out / "latest").exists()
     (newest,) = _checkpoints(whole.out / "checkpoint")
     assert sorted(path.name for path in newest.iterdir()) == ["checkpoint.json", "model.pt"]
     for name in ("policy/weights.pt", f"checkpoint/{newest.name}/model.pt"):

@@ -209,6 +209,17 @@ def test_the_worst_tenth_counts_before_the_middle_half():
     assert rank_correlation(rows_of({"a": steady, "b": 2 * steady, "c": risky + 9})) == 1.0
 
 
+def test_the_users_own_controller_is_in_the_tables_wherever_it_stands(tmp_path):
+    others = [name for name in field() if name != "none"][:9]
+    errors = {name: np.full(4, 1.0 + k) for k, name in enumerate([*others, "mine:make", "none"])}
+    rows = [row | {"task": "Bare"} for row in rows_of(errors)]
+    text = TaskScores(tuple(rows), "public seed 0").write(tmp_path).read_text()
+    *shown, last = [line for line in text.splitlines() if line][-10:]
+    assert [line.split(" | ")[1] for line in shown] == [*others[:8], "mine:make"]
+    assert shown[-1].startswith("| 10 | mine:make |")
+    assert last == "The first 8 of 11 rows of `tasks.csv`, and yours."
+
+
 def test_the_headline_names_no_controller_that_fails_everywhere_and_marks_what_is_near_a_bound():
     errors = {
         "true-plant-horizon": np.full(4, 0.1),

@@ -1,13 +1,25 @@
 """`rdpi bench`: files, belief and core, refusals before anything runs, controllers that fail."""
 
 import re
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from baselines import FULL_PREVIEW, needed_core
-from benchmarks.tracking.evaluation import CASE, COLUMNS, ranking, score_table
-from benchmarks.tracking.run import benchmark
+from benchmarks.rows import Outcome
+from benchmarks.tracking.controllers import own_of
+from benchmarks.tracking.evaluation import (
+    CASE,
+    COLUMNS,
+    evaluate,
+    ranking,
+    ranking_view,
+    score_table,
+)
+from benchmarks.tracking.report import write_benchmark_page
+from benchmarks.tracking.run import TRACE_SAMPLES, benchmark
 from benchmarks.tracking.selection import select
 from rdpi_gym.cli import main
 from rdpi_gym.cli.tables import print_table
@@ -15,8 +27,12 @@ from rdpi_gym.face.benchmarking import first_of
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.plant.cores.duhem import Duhem
 from rdpi_gym.plant.cores.stop import Stop
+from rdpi_gym.support.markdown import LEADING_ROWS, leading_rows
 from tests.looping import over
+from tests.test_house import LONGEST_PAGE_WORDS
+from tests.unpacked import read_page, words_of
 
+TABLES = Path(__file__).parents[2] / "studies" / "results"
 SMALL = [
     "bench", "--controllers", "none,classical-static", "--references", "sine",
     "--plants", "P5", "--ts", "1e-3", "--seeds", "2", "--jobs", "1",
@@ -57,11 +73,36 @@ def test_it_writes_table_text_picture_and_a_page_that_lets_the_reader_choose_a_p
     assert not table.duplicated(["controller", *CASE, "seed"]).any()
     assert "classical-static" in (out / "leaderboard.md").read_text()
     assert (out / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
-    page = (out / "report.html").read_text()
+    page = read_page(out / "report.html")
     assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?:', page)  # self-contained
     for words in ("Traces of any pair", '"A: classical-static"', '"B: none"'):
         assert words in page
-    assert len(page) < 15e6
+    assert (out / "report.html").stat().st_size < 3e6
+
+
+@pytest.mark.slow
+def test_the_page_of_all_controllers_is_ten_minutes_of_reading(tmp_path):
+    """Written from the committed scores, of two seeds at two sampling times; traces are made up."""
+    selection = select(seeds=range(2))
+    plants = [stage.plant.name for stage in selection.stages]
+    scores = pd.read_csv(TABLES / "tracking" / "leaderboard.csv")
+    kept = scores["plant"].isin(plants) & scores["seed"].isin(selection.seeds)
+    scores = scores[kept & scores["ts_s"].isin([1e-4, *scores.groupby("plant")["ts_s"].min()])]
+    rows = scores.assign(command_variation_V_s=scores["command_total_variation"]).to_dict("records")
+    rng = np.random.default_rng(0)
+    signals = ("reference_um", "displacement_um", "error_um", "command_V")
+    for row in rows:
+        samples = {name: rng.standard_normal(TRACE_SAMPLES).tolist() for name in signals}
+        row["trace"] = {"step_s": row["ts_s"], **samples}
+    results = evaluate(selection, Outcome(rows, 0, ()))
+    payoff = pd.read_csv(TABLES / "payoff" / "payoff.csv")
+    page = write_benchmark_page(tmp_path / "report.html", results, payoff)
+    assert page.stat().st_size < 3e6
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<tr>") > len(results.order) > LEADING_ROWS
+    first = text.partition("</section>")[0]
+    assert first.count("<tr>") == 1 + LEADING_ROWS
+    assert 500 < len(words_of(text)) <= LONGEST_PAGE_WORDS
 
 
 def test_a_second_run_computes_nothing_and_ends_with_what_it_wrote(out, capsys):
@@ -274,9 +315,15 @@ def test_the_users_own_controller_is_printed_wherever_it_stands(capsys):
         for i, name in enumerate(["full-preview-inversion", *names])
         for seed in (1, 2)
     ]  # fmt: skip
-    title, table = first_of(ranking(score_table(rows)), ["c10"])
+    ranked = ranking(score_table(rows))
+    title, table = first_of(ranked, ["c10"])
     print_table(table, title)
     said = capsys.readouterr().out
     assert "The first 8 of 12 controllers, and yours" in said
     assert [name for name in names if f" {name} " in said] == [*names[:8], "c10"]
     assert "bound" not in said
+    *_, ninth, _, last = leading_rows(ranking_view(ranked), "ranking.csv", own=["c10"]).splitlines()
+    assert ninth.startswith("| 11 | c10 |")
+    assert last == "The first 8 of 13 rows of `ranking.csv`, and yours."
+    asked = ["pi", "learned:ppo-increment", "guarded:ppo-increment", "learned:of/mine", "mine:make"]
+    assert own_of([*asked, "full-preview-inversion"]) == asked[3:]

@@ -20,6 +20,7 @@ import pytest
 import typer
 
 from rdpi_gym.cli import app
+from tests.house import word_counts
 from tests.looping import over
 
 ROOT = Path(__file__).parents[2]
@@ -287,3 +288,24 @@ def test_makers_of_recorded_sessions_exist():
     for page in PAGES:
         if (command := maker(page)) is not None:
             assert runnable(command.split()[2]), command
+
+
+def pictures_without_text(markdown):
+    """Pictures of a page, in Markdown or HTML, that a screen reader can only name by their file."""
+    text = re.sub(r"^```.*?^```$", "", markdown, flags=re.M | re.S)
+    found = [
+        target for alt, target in re.findall(r"!\[(.*?)\]\(([^)\s]+)", text) if not alt.strip()
+    ]
+    tags = re.findall(r"<img\b[^>]*>", text)
+    return found + [tag for tag in tags if not re.search(r"\balt=([\"'])\s*[^\s\"'].*?\1", tag)]
+
+
+def test_every_picture_has_an_alternative_text():
+    assert pictures_without_text('![](a.png) ![b](b.png) <img src="c.png" alt=""> <img alt="d">') == [
+        "a.png", '<img src="c.png" alt="">',
+    ]  # fmt: skip
+    pages = {name: (ROOT / name).read_text(encoding="utf-8") for name in word_counts()}
+    assert sum(text.count("](") for text in pages.values()) > 100
+    assert {
+        name: found for name, text in pages.items() if (found := pictures_without_text(text))
+    } == {}

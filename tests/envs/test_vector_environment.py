@@ -19,7 +19,6 @@ from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from tests.looping import over
 
 IDS = sorted(name for name in gym.registry if name.startswith("rdpi_gym/"))
-NATIVE = [name for name in IDS if gym.spec(name).vector_entry_point]
 
 
 def arrays(value):
@@ -43,8 +42,8 @@ def run(envs, steps=30, seed=0):
     return np.array(rows)
 
 
-@over("name", NATIVE)
-def test_what_is_registered_as_a_native_vector_is_one(name):
+@over("name", IDS)
+def test_every_id_has_a_native_vector(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         envs = gym.make_vec(name, num_envs=3, autoreset_mode="SameStep")
@@ -54,14 +53,6 @@ def test_what_is_registered_as_a_native_vector_is_one(name):
     assert envs.spec.max_episode_steps == gym.spec(name).max_episode_steps
     np.testing.assert_array_equal(run(gym.make_vec(envs.spec)), run(envs))
     assert type(envs.spec).from_json(envs.spec.to_json()).kwargs["num_envs"] == 3
-
-
-@over("name", sorted({*IDS} - {*NATIVE}))
-def test_an_id_without_one_runs_side_by_side(name):
-    envs = gym.make_vec(name, num_envs=2, vectorization_mode="sync")
-    first = run(envs, steps=3)
-    assert np.isfinite(first).all()
-    assert not np.array_equal(first[:, 0], first[:, 1])
 
 
 def test_spaces_are_batches_of_the_single_ones():

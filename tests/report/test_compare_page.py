@@ -15,6 +15,7 @@ from rdpi_gym.report.chart import Bands, Bars, Chart, Series
 from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.comparison_page import MOST_RECORDS, write_compare_page
 from rdpi_gym.report.traces import loops, one_model
+from tests.unpacked import read_page
 
 
 def sine(name="sine", frequency_hz=5.0, periods=6.0, per_period=200, **keywords):
@@ -58,7 +59,7 @@ CASES = {
 def test_a_page_of_every_case_is_written(tmp_path):
     for name, records in CASES.items():
         comparison = compare(Dataset("a data set", records), named_plant("P5-static"))
-        text = write_compare_page(tmp_path / "report.html", comparison).read_text(encoding="utf-8")
+        text = read_page(write_compare_page(tmp_path / "report.html", comparison))
         assert "<b>a</b>" not in text, name
         for finding in comparison.findings.values():
             assert escape(finding[:20]) in text, name

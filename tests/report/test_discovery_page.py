@@ -23,12 +23,11 @@ from rdpi_gym.report.chart import Bands, Bars, Chart, Level, Series
 from rdpi_gym.report.chart_plotly import plotly_figure
 from rdpi_gym.report.discovery_page import MOST_VIEWS, view_sections, write_discovery_page
 from rdpi_gym.report.discovery_text import evidence, lines, staircase
+from tests.unpacked import read_page
 
 
 def page_of(result, tmp_path):
-    return write_discovery_page(tmp_path / "report.html", "a <b>stage</b>", result).read_text(
-        encoding="utf-8"
-    )
+    return read_page(write_discovery_page(tmp_path / "report.html", "a <b>stage</b>", result))
 
 
 NOTHING = {

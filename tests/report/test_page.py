@@ -13,6 +13,7 @@ from rdpi_gym.report import page as page_module
 from rdpi_gym.report.page import Section, write_page
 from rdpi_gym.report.style import figure_text, styled
 from rdpi_gym.support.errors import InputError
+from tests.unpacked import figures
 
 NASTY = '</script><script>alert(1)</script><b onload="x">&amp; "name"'
 LOADING = {"src", "href", "srcset", "action", "data", "poster", "background"}
@@ -73,8 +74,7 @@ def test_foreign_names_stay_text(written):
     assert not any("onload" in attributes for _, attributes in reader.tags)
     assert not any(script.strip().startswith("alert") for script in reader.scripts)
     assert NASTY in reader.text
-    # each JSON block is JSON when read the way a browser reads it
-    blocks = [script for script in reader.scripts if script.startswith("{")]
+    blocks = figures(written)
     assert len(blocks) == 5
     assert json.loads(blocks[0])["data"][0]["name"] == figure_text(NASTY)
 

@@ -12,6 +12,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P5, Plant, named_plant
 from rdpi_gym.report.comparison_page import write_compare_page
 from rdpi_gym.report.discovery_page import write_discovery_page
+from tests.unpacked import figures as packed_figures
 
 sync_api = pytest.importorskip(
     "playwright.sync_api", reason="Playwright's Python package is not installed (extra: test)"
@@ -180,7 +181,7 @@ def page(request, tmp_path):
 def test_page_draws_every_figure_silently_and_alone(page, visit):
     opened = visit(page)
     figures = opened.choices()
-    assert len(figures) == page.read_text(encoding="utf-8").count('type="application/json"') > 0
+    assert len(figures) == len(packed_figures(page.read_text(encoding="utf-8"))) > 0
     for figure in figures.values():
         assert figure["plotly"], figure
         assert figure["area"] > 100 * 100, figure

@@ -59,7 +59,7 @@ PUBLIC = {
     "rdpi_gym.envs.tasks.one_effect": "stage",
     "rdpi_gym.envs.tasks.page": "page_of",
     "rdpi_gym.envs.tasks.structure": "structure_truth",
-    "rdpi_gym.envs.tasks.whole_stage": "ageing",
+    "rdpi_gym.envs.tasks.whole_stage": "PiezoStageEnv",
     "rdpi_gym.envs.vector.references": "References",
     "rdpi_gym.envs.vector.space": "UnitBoxes",
     "rdpi_gym.identification.result": "FitResult",

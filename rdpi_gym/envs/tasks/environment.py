@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -10,34 +11,18 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.draw_laws import DrawLaw
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
 from rdpi_gym.envs.tasks.task import ChangingPlant, StageTask
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
-from rdpi_gym.envs.truth import ReferenceChoice, TruthSource
+from rdpi_gym.envs.truth import ReferenceChoice
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
-from rdpi_gym.envs.wrappers.history import History, VectorHistoryObservation
+from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Signal
 
-
-class TaskTruths(TruthSource):
-    """Draws the plant of each episode by a task's own law."""
-
-    def __init__(self, task: StageTask, **options: Any) -> None:
-        super().__init__(**options)
-        self._task = task
-        self.later: Mapping[int, PlantModel] = {}
-
-    def draw(self, seed: int, options: Mapping[str, Any], layout: ObservationLayout) -> PlantModel:
-        """Return the plant of an episode; see :meth:`TruthSource.draw`."""
-        self.later = {}
-        model = self.given(options, layout)
-        if model is None:
-            rng = np.random.default_rng(seed)
-            number = int(rng.integers(len(self._task.nominals)))
-            model, self.later = self._task.truth(rng, number)
-        return model
+# Samples by which the past slides before it is moved.
+_ROOM = 256
 
 
 class TaskEnv(PiezoTrackingEnv):
@@ -67,77 +52,78 @@ class TaskEnv(PiezoTrackingEnv):
     task: ClassVar[StageTask]
 
     def __init__(self, *, history: int | None = None, **options: Any) -> None:
+        self._is_own = not {"plant", "ts_s"} & set(options)
         super().__init__(**{**self.task.options, **options})
         self.history = History(self.layout, self.task.history if history is None else history)
+        self.layout = replace(self.layout, history=self.history.steps)
         assert isinstance(self.observation_space, Box)
         stacked: Any = self.history.space(self.observation_space)
         self.observation_space = stacked
-        self._draws_own = self.task.changes and not {"plant", "randomise", "ts_s"} & set(options)
-        if self._draws_own:
-            self.truths = TaskTruths(
-                self.task,
-                plant=self.nominal,
-                rate_bandwidth_hz=None,
-                sensor={},
-                half_width=self.truths.half_width,
-                effects_half_width=self.truths.effects_half_width,
-            )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode; see :class:`~rdpi_gym.envs.PiezoTrackingEnv`."""
         observation, info = super().reset(seed=seed, options=options)
-        self._last = observation[None]
-        self._past = self.history.begin(self._last)
-        return self.history.stack(self._last, self._past)[0], info
+        fields, steps = len(self.layout.fields), self.history.steps
+        # What was shown before, the newest first; it slides down, a sample a step.
+        self._past = np.empty((steps + _ROOM) * fields if steps else 0, np.float32)
+        self._begin = _ROOM * fields
+        self._last = observation
+        self._past[self._begin :] = np.tile(observation[self.layout.now], steps)
+        return self._stacked(observation), info
 
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Set the next command; see :class:`~rdpi_gym.envs.PiezoTrackingEnv`."""
         observation, reward, terminated, truncated, info = super().step(action)
-        self._past = self.history.past(self._last, self._past)
-        self._last = observation[None]
-        shown = self.history.stack(self._last, self._past)[0]
-        return shown, reward, terminated, truncated, info
+        if self.history.steps:
+            past, now = self._past, self.layout.now
+            if self._begin == 0:
+                self._begin = len(past) - (self.history.steps - 1) * len(now)
+                past[self._begin :] = past[: len(past) - self._begin]
+            self._begin -= len(now)
+            past[self._begin : self._begin + len(now)] = self._last[now]
+            self._last = observation
+        return self._stacked(observation), reward, terminated, truncated, info
+
+    def _stacked(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return an observation with what was shown before."""
+        if not self.history.steps:
+            return observation
+        size, end = len(observation), self._begin + self.history.size - len(observation)
+        shown = np.empty(self.history.size, np.float32)
+        shown[:size], shown[size:] = observation, self._past[self._begin : end]
+        return shown
 
     @property
     def later(self) -> Mapping[int, PlantModel]:
         """Later plants of this episode, by the sample from which each holds."""
-        changes: Mapping[int, PlantModel] = getattr(self.truths, "later", {})
-        return changes
+        return self.truths.later
+
+    def _draw_law(self) -> DrawLaw:
+        law = self.task.law
+        return law if self._is_own else replace(law, nominals=(), ageing=None, schedule=None)
 
     def _track(self, truth: PlantModel) -> TrackingTask:
-        if not (self.later or self.task.command_step_V):
+        later, step_V = self.truths.later, self.truths.law.command_step_V
+        if not (later or step_V):
             return super()._track(truth)
-        plant = ChangingPlant([truth], self.layout.ts_s, [self.later], self.task.command_step_V)
+        plant = ChangingPlant([truth], self.layout.ts_s, [later], step_V)
         return TrackingTask(plant, self.layout, self.bound_um)
 
     def _noise(self, rng: np.random.Generator) -> NoiseSource:
         return self.task.noise_of(rng)
 
 
-def environment_of(task: StageTask, module: str) -> type[TaskEnv]:
-    """Return the class of a task's environment, whose docstring is the task's page."""
-    name = f"Piezo{task.name}Env"
-    return type(name, (TaskEnv,), {"__doc__": page_of(task), "__module__": module, "task": task})
-
-
 def environments_of(
     task: StageTask, module: str
-) -> tuple[type[TaskEnv], Callable[..., VectorHistoryObservation | PiezoTrackingVectorEnv]]:
-    """Return the environment of a task and its vector environment: see :func:`vector_of`."""
-    return environment_of(task, module), partial(vector_of, task)
-
-
-def vector_of(
-    task: StageTask, num_envs: int, history: int | None = None, **options: Any
-) -> VectorHistoryObservation | PiezoTrackingVectorEnv:
-    """Return the vector environment of a task whose plants are numbers about one nominal plant."""
-    lanes = PiezoTrackingVectorEnv(num_envs, **{**task.options, **options})
-    steps = task.history if history is None else history
-    return VectorHistoryObservation(lanes, steps) if steps else lanes
+) -> tuple[type[TaskEnv], Callable[..., PiezoTrackingVectorEnv]]:
+    """Return the environment of a task, whose docstring is its page, and its vector environment."""
+    fields = {"__doc__": page_of(task), "__module__": module, "task": task}
+    single = type(f"Piezo{task.name}Env", (TaskEnv,), fields)
+    return single, partial(PiezoTrackingVectorEnv, single=single)
 
 
 def page_of(task: StageTask) -> str:

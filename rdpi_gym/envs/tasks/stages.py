@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
-import numpy as np
-
-from rdpi_gym.envs.tasks.environment import environment_of, environments_of
-from rdpi_gym.envs.tasks.task import BLOCK, FIRST, NoiseLaw, StageTask
+from rdpi_gym.envs.draw_laws import Glide, NoiseLaw, Wear
+from rdpi_gym.envs.tasks.environment import environments_of
+from rdpi_gym.envs.tasks.task import FIRST, StageTask
 from rdpi_gym.envs.truth import RATE_BANDWIDTH_HZ, limit_band
 from rdpi_gym.plant import P10, PlantModel, Sensor, named_plant
 from rdpi_gym.plant.effects.actuator_lag import ActuatorLag
@@ -149,10 +147,10 @@ PREISACH = _structure("preisach", "Preisach", "Preisach", 120)
 BOUC_WEN = _structure("bouc_wen", "BoucWen", "Bouc-Wen", 130)
 DUHEM = _structure("duhem", "Duhem", "Duhem", 140)
 
-PiezoMeasuredEnv = environment_of(MEASURED, __name__)
-PiezoPreisachEnv = environment_of(PREISACH, __name__)
-PiezoBoucWenEnv = environment_of(BOUC_WEN, __name__)
-PiezoDuhemEnv = environment_of(DUHEM, __name__)
+PiezoMeasuredEnv, measured_vector = environments_of(MEASURED, __name__)
+PiezoPreisachEnv, preisach_vector = environments_of(PREISACH, __name__)
+PiezoBoucWenEnv, bouc_wen_vector = environments_of(BOUC_WEN, __name__)
+PiezoDuhemEnv, duhem_vector = environments_of(DUHEM, __name__)
 
 
 HISTORY = 32
@@ -170,50 +168,20 @@ _QUANTISED = replace(
 )
 
 
-def load(model: PlantModel, rng: np.random.Generator) -> Mapping[int, PlantModel]:
-    """Set a load down: the mode falls to 0.5 to 0.8 of its frequency, never below 300 Hz.
+load = Glide(
+    "resonance", "f0_hz", FIRST, 1000, low=0.5, high=0.8, lowest=LOWEST_HZ,
+    samples=round(GLIDE_S / 1e-4),
+)  # fmt: skip
+"""A load that is set down: the mode falls to 0.5 to 0.8 of its frequency, never below 300 Hz. It begins
+within the first tenth of a second that is scored."""
 
-    It begins within the first tenth of a second that is scored, and takes :data:`GLIDE_S`; its
-    frequency goes evenly in its logarithm, step by step of :data:`~rdpi_gym.envs.tasks.task.BLOCK`
-    samples.
-    """
-    (mode,) = (effect for effect in model.effects if isinstance(effect, Resonance))
-    begin = FIRST + BLOCK * int(rng.integers(1000 // BLOCK))
-    last = max(mode.f0_hz * float(rng.uniform(0.5, 0.8)), min(LOWEST_HZ, mode.f0_hz))
-    count = round(GLIDE_S / 1e-4) // BLOCK
-    return {
-        begin + i * BLOCK: _with(
-            model, replace(mode, f0_hz=mode.f0_hz * (last / mode.f0_hz) ** ((i + 1) / count))
-        )
-        for i in range(count)
-    }
-
-
-def ageing(model: PlantModel, share: float) -> PlantModel:
-    """Return a stage that has lived a share of its life.
-
-    At its end the gains are 15 % smaller (the ceramic has lost polarisation), the thresholds 20 %
-    wider, creep is twice as large, and the mode 10 % lower (the flexure has cracks). The sizes are
-    an estimate.
-    """
-    core = model.hysteresis
-    factors = np.ones(core.factors)
-    gains, gaps = len(core.gains), len(core.gaps_V)
-    factors[:gains] -= 0.15 * share
-    factors[gains : gains + gaps] += 0.2 * share
-    old = model.with_hysteresis(core.scaled(factors))
-    worn = {"creep": ("gain_per_decade", 1.0), "resonance": ("f0_hz", -0.1)}
-    for effect in model.effects:
-        if effect.name in worn:
-            name, change = worn[effect.name]
-            values = {**effect.values, name: effect.values[name] * (1.0 + change * share)}
-            old = _with(old, type(effect).within_bounds(**values))
-    return old
-
-
-def _with(model: PlantModel, changed: Effect) -> PlantModel:
-    effects = (changed if e.name == changed.name else e for e in model.effects)
-    return replace(model, effects=tuple(effects))
+ageing = Wear(
+    gains=-0.15, gaps=0.2,
+    effects={"creep": ("gain_per_decade", 1.0), "resonance": ("f0_hz", -0.1)},
+)  # fmt: skip
+"""A life of a stage: at its end the gains are 15 % smaller (the ceramic has lost polarisation), the
+thresholds 20 % wider, creep is twice as large, and the mode 10 % lower (the flexure has cracks). The
+sizes are an estimate."""
 
 
 STAGE = StageTask(
@@ -302,8 +270,8 @@ STEPS = StageTask(
 )
 
 PiezoStageEnv, stage_vector = environments_of(STAGE, __name__)
-PiezoLoadEnv = environment_of(LOAD, __name__)
-PiezoAgeingEnv = environment_of(AGEING, __name__)
-PiezoRoughEnv = environment_of(ROUGH, __name__)
+PiezoLoadEnv, load_vector = environments_of(LOAD, __name__)
+PiezoAgeingEnv, ageing_vector = environments_of(AGEING, __name__)
+PiezoRoughEnv, rough_vector = environments_of(ROUGH, __name__)
 PiezoRasterEnv, raster_vector = environments_of(RASTER, __name__)
 PiezoStepsEnv, steps_vector = environments_of(STEPS, __name__)

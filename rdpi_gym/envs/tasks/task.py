@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import math
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from scipy.signal import lfilter
 
+from rdpi_gym.envs.draw_laws import Ageing, ColouredNoise, DrawLaw, NoiseLaw, Schedule
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.limits import Limits
 from rdpi_gym.envs.tracking import NoiseSource, TrackingTask
 from rdpi_gym.envs.truth import (
     ReferenceChoice,
     ReferenceSource,
+    draw_truth,
     frequency_at,
-    randomise_effects,
-    randomise_plant,
 )
 from rdpi_gym.plant import Plant, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_whole
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted
-
-BLOCK = 25
-"""Samples between two changes: what glides does so in steps, all lanes at once."""
 
 
 class ChangingPlant(Plant):
@@ -70,48 +66,6 @@ class ChangingPlant(Plant):
         return super().step(u_V)
 
 
-@dataclass(frozen=True)
-class NoiseLaw:
-    """Noise of a sensor, in units of the standard deviation that its plant states.
-
-    White noise; white noise through a first-order low-pass of a corner (Hz); and the amplitude of
-    the mains at 50 Hz, its phase drawn for each episode.
-    """
-
-    white: float = 1.0
-    wander: float = 0.0
-    corner_hz: float = 5.0
-    hum: float = 0.0
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the whole."""
-        return math.sqrt(self.white**2 + self.wander**2 + 0.5 * self.hum**2)
-
-
-class ColouredNoise:
-    """Noise that remembers: a :class:`~rdpi_gym.envs.tracking.NoiseSource`."""
-
-    def __init__(self, law: NoiseLaw, ts_s: float, rng: np.random.Generator) -> None:
-        self._law, self._ts_s, self._rng = law, ts_s, rng
-        self._phase = rng.uniform(0.0, 2.0 * math.pi)
-        self._wander = np.array([rng.standard_normal()])
-        self._count = 0
-
-    def standard_normal(self, size: int, /) -> Array:
-        """Return the next numbers, ``float64[size]``."""
-        law, rng = self._law, self._rng
-        white, driven = rng.standard_normal(size), rng.standard_normal(size)
-        pole = math.exp(-2.0 * math.pi * law.corner_hz * self._ts_s)
-        gain = math.sqrt(1.0 - pole**2)
-        wander, last = lfilter([gain], [1.0, -pole], driven, zi=pole * self._wander)
-        self._wander = last / pole if pole else last
-        time = self._ts_s * np.arange(self._count, self._count + size)
-        self._count += size
-        hum = law.hum * np.sin(2.0 * math.pi * 50.0 * time + self._phase)
-        return np.asarray(law.white * white + law.wander * wander + hum)
-
-
 Split = Literal["training", "validation", "test"]
 PUBLIC_SEED = 2026
 """Seed of the test draws, unless a leaderboard keeps one of its own."""
@@ -131,11 +85,6 @@ REFERENCES: tuple[ReferenceChoice, ...] = (
 # Begins the entropy of every draw: no training of agents draws from it.
 _KEY = 2**34 + 12
 _WORDS: Mapping[str, int] = {name: i for i, name in enumerate(get_args(Split), start=1)}
-
-Ageing = Callable[[PlantModel, float], PlantModel]
-"""``law(model, share)``: a plant that has lived a share, 0 to 1, of its life."""
-Schedule = Callable[[PlantModel, np.random.Generator], Mapping[int, PlantModel]]
-"""``law(model, rng)``: what a plant becomes in an episode, by the sample at which it does."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +150,9 @@ class StageTask:
         What a life does to a plant; each draw has lived a share of it, drawn uniformly.
     schedule
         What happens within an episode.
+    rate_share, ringing_share, stroke_share
+        Limits of safe operation: change of the command in a sample over its range; second difference
+        of the error in a sample, and farthest displacement, over the references' amplitude.
     rank
         Place in :data:`~rdpi_gym.envs.tasks.TASKS`, from easy to hard.
 
@@ -233,12 +185,26 @@ class StageTask:
     command_bits: int | None = None
     ageing: Ageing | None = None
     schedule: Schedule | None = None
+    rate_share: float = 0.125
+    ringing_share: float = 0.02
+    stroke_share: float = 1.25
     rank: int = 1000
 
     @property
     def id(self) -> str:
         """Name for ``gymnasium.make``."""
         return f"rdpi_gym/Piezo{self.name}-v0"
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of safe operation, whose costs the environment reports."""
+        low, high = self.nominals[0].command_range_V
+        amplitude_um = self.layout().scale_um
+        return Limits(
+            self.rate_share * (high - low) / self.ts_s,
+            self.ringing_share * amplitude_um / self.ts_s**2,
+            self.stroke_share * amplitude_um,
+        )
 
     @property
     def is_markov(self) -> bool:
@@ -248,8 +214,12 @@ class StageTask:
     @property
     def changes(self) -> bool:
         """Whether draws go beyond numbers about one nominal plant."""
-        laws = (self.noise, self.command_bits, self.ageing, self.schedule)
-        return len(self.nominals) > 1 or any(law is not None for law in laws)
+        return self.law != DrawLaw(self.nominals[:1])
+
+    @property
+    def law(self) -> DrawLaw:
+        """What a draw takes beyond numbers about one nominal plant."""
+        return DrawLaw(self.nominals, self.noise, self.command_step_V, self.ageing, self.schedule)
 
     @property
     def noise_um(self) -> float:
@@ -281,11 +251,7 @@ class StageTask:
         self, rng: np.random.Generator, number: int = 0
     ) -> tuple[PlantModel, Mapping[int, PlantModel]]:
         """Draw a plant, and what it becomes within an episode."""
-        model = randomise_plant(self.nominal(number), self.half_width, rng)
-        model = randomise_effects(model, self.effects_half_width, rng)
-        if self.ageing is not None:
-            model = self.ageing(model, float(rng.uniform()))
-        return model, {} if self.schedule is None else self.schedule(model, rng)
+        return draw_truth(self.law, self.half_width, self.effects_half_width, rng, number)
 
     def noise_of(self, rng: np.random.Generator) -> NoiseSource:
         """Return the noise of an episode."""
@@ -297,7 +263,9 @@ class StageTask:
         low, high = self.nominals[0].command_range_V
         return 0.0 if self.command_bits is None else (high - low) / 2**self.command_bits
 
-    def draw(self, split: Split, number: int, seed: int | None = None) -> Draw:
+    def draw(
+        self, split: Split, number: int, seed: int | None = None, *, samples: int | None = None
+    ) -> Draw:
         """Draw one plant of a split, the same at every call.
 
         Parameters
@@ -309,6 +277,9 @@ class StageTask:
             Which, from 0.
         seed
             Of the split; 0 by default, ``PUBLIC_SEED`` of the test.
+        samples
+            Of the references, whose beginning stays the same: more than the task's for what is
+            learned within an episode.
 
         Raises
         ------
@@ -321,12 +292,15 @@ class StageTask:
         for what, value in (("number", number), ("seed", used)):
             if not is_whole(value, 0):
                 raise InputError(f"{what} is {quoted(value)}; give a whole number of 0 or above")
+        count = self.samples if samples is None else samples
+        if not is_whole(count, 1):
+            raise InputError(f"samples is {quoted(samples)}; give a whole number of 1 or above")
         words = [_KEY, _WORDS[split], zlib.crc32(self.name.encode()), int(used), int(number)]
         plant, reference, noise = np.random.SeedSequence(words).spawn(3)
         truth, later = self.truth(np.random.default_rng(plant), number)
         source, rng = self._source(number), np.random.default_rng(reference)
         names, columns = [], []
-        time = self.ts_s * np.arange(self.samples + self.preview)
+        time = self.ts_s * np.arange(count + self.preview)
         for i, choice in enumerate(self.references, start=1):
             hz = frequency_at(self.frequency_hz, float(rng.random()))
             signal = source.make(choice, hz, int(rng.integers(2**31)))
@@ -339,18 +313,23 @@ class StageTask:
             later,
             self.belief(number),
             tuple(names),
-            np.stack(columns, axis=1)[: self.samples],
+            np.stack(columns, axis=1)[:count],
             tuple(self.noise_of(each) for each in sources),
         )
 
     def lanes(
-        self, split: Split, plants: int | Sequence[int], seed: int | None = None
+        self,
+        split: Split,
+        plants: int | Sequence[int],
+        seed: int | None = None,
+        *,
+        samples: int | None = None,
     ) -> list[Lanes]:
         """Draw plants of a split as lanes side by side, each plant with every reference.
 
         Parameters
         ----------
-        split, seed
+        split, seed, samples
             As :meth:`draw`.
         plants
             How many, or their numbers.
@@ -363,7 +342,7 @@ class StageTask:
         numbers = range(plants) if isinstance(plants, int) else plants
         groups: dict[int, list[Draw]] = {}
         for number in numbers:
-            each = self.draw(split, number, seed)
+            each = self.draw(split, number, seed, samples=samples)
             groups.setdefault(number % len(self.nominals), []).append(each)
         return [Lanes(self, tuple(draws)) for draws in groups.values()]
 
@@ -393,6 +372,7 @@ class StageTask:
             "smooth_start_s": self.smooth_start_s,
             "randomise": self.half_width,
             "randomise_effects": self.effects_half_width,
+            "limits": self.limits,
         }
 
 

@@ -9,10 +9,17 @@ from numba import njit, prange
 
 from rdpi_gym.envs.layout import COLUMN, LIMIT, SPAN, ZERO, field_values
 from rdpi_gym.envs.truth import EFFECT_LEVELS
-from rdpi_gym.envs.vector.kernels import add_offsets, encode, read_sensors, report
+from rdpi_gym.envs.vector.kernels import (
+    add_offsets,
+    encode,
+    read_sensors,
+    report,
+)
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     COMMAND,
+    EARLIER,
+    ERROR,
     HELD,
     MEASURED,
     NEVER,
@@ -29,6 +36,7 @@ from rdpi_gym.envs.vector.lanes import (
 from rdpi_gym.envs.vector.random import (
     begin_noise,
     draw_reference,
+    next_below,
     next_seed,
     next_uniform,
     seed_generator,
@@ -57,23 +65,40 @@ def seed_generators(seeds: Words, indices: Integers, generators: Words) -> None:
 
 
 @njit(cache=True)
+def draw_seeds(generators: Words, indices: Integers, kinds: int, seeds: Words) -> None:
+    """Draw the seeds of plant, reference and noise of episodes, and which nominal plant each has."""
+    rng, none = np.empty(4, dtype=np.uint64), (False, np.uint64(0))
+    for j in range(len(indices)):
+        for i in range(3):
+            seeds[j, i] = next_seed(generators[indices[j]])
+        seeds[j, 3] = np.uint64(0)
+        if kinds > 1:
+            seed_generator(seeds[j, 0], rng)
+            seeds[j, 3] = np.uint64(next_below(rng, kinds, none)[0])
+
+
+@njit(cache=True)
 def draw_episodes(
-    generators: Words, indices: Integers, choices: int, half_width: float, drawn: Drawn
+    seeds: Words, choices: int, kinds: int, half_width: float, beginnings: int, drawn: Drawn
 ) -> None:
-    """Draw what the single environment draws at a reset, for some lanes."""
+    """Draw what the single environment draws at a reset, for some lanes of one nominal plant."""
     rng = np.empty(4, dtype=np.uint64)
     low, high = 1.0 - half_width, 1.0 + half_width
-    for j in range(len(indices)):
-        plant_seed = next_seed(generators[indices[j]])
-        reference_seed = next_seed(generators[indices[j]])
-        drawn.noise_seed[j] = next_seed(generators[indices[j]])
-        if drawn.factors.shape[1] + drawn.levels.shape[1] > 0:
-            seed_generator(plant_seed, rng)
-            for i in range(drawn.factors.shape[1]):
-                drawn.factors[j, i] = low + (high - low) * next_uniform(rng)
-            for i in range(drawn.levels.shape[1]):
-                drawn.levels[j, i] = int(next_uniform(rng) * EFFECT_LEVELS)
-        seed_generator(reference_seed, rng)
+    for j in range(len(seeds)):
+        drawn.noise_seed[j] = seeds[j, 2]
+        seed_generator(seeds[j, 0], rng)
+        _, held = next_below(rng, kinds, (False, np.uint64(0)))
+        for i in range(drawn.factors.shape[1]):
+            drawn.factors[j, i] = low + (high - low) * next_uniform(rng)
+        for i in range(drawn.levels.shape[1]):
+            drawn.levels[j, i] = int(next_uniform(rng) * EFFECT_LEVELS)
+        if len(drawn.life):
+            drawn.life[j] = next_uniform(rng)
+        if len(drawn.change):
+            first, held = next_below(rng, beginnings, held)
+            drawn.change[j, 0] = first
+            drawn.change[j, 1] = next_uniform(rng)
+        seed_generator(seeds[j, 1], rng)
         drawn.choice[j], drawn.position[j], drawn.signal_seed[j] = draw_reference(rng, choices)
 
 
@@ -159,8 +184,9 @@ def show_first(
         out.info,
         out.observation,
     )
-    lanes, rows = info.shape[1], window_um.shape[1]
-    size, encoder = len(observation) // lanes, sources.encoder
+    lanes, rows, encoder = info.shape[1], window_um.shape[1], sources.encoder
+    size, fields = len(observation) // lanes, len(sources.now)
+    own = int(encoder[:, COLUMN].max()) + 1
     if len(sources.stages):
         add_offsets(0, row, numbers, work)
     measured = row
@@ -191,4 +217,10 @@ def show_first(
                 observation[b * size + column] = encode(
                     values[i], encoder[i, ZERO], encoder[i, SPAN], encoder[i, LIMIT]
                 )
+        for i in range(own, size):
+            observation[b * size + i] = observation[b * size + sources.now[(i - own) % fields]]
     report(0, row, step % rows, work, numbers, window_um, info)
+    for b in range(lanes):
+        numbers[0, ERROR, b] = numbers[0, EARLIER, b] = info[2, b]
+        for i in range(5, len(info)):
+            info[i, b] = 0.0

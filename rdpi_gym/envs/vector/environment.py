@@ -15,10 +15,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.limits import COST_KEYS
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv, read_options
 from rdpi_gym.envs.unit_box import UnitBoxes
 from rdpi_gym.envs.vector.lanes import Flags, Floats32, Integers, Words
 from rdpi_gym.envs.vector.task import VectorTask
+from rdpi_gym.envs.wrappers.history import History
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_whole, shape_of
@@ -113,7 +115,8 @@ def checked_actions(actions: Any, lanes: int) -> Array:
 
 _INFO = ("displacement_um", "reference_um", "error_um", "command_V", "saturated")
 _MOST_LANES, _MOST_STEPS = 10**7, 10**15
-_KEYS = (*_INFO, *(f"_{key}" for key in _INFO))
+_KEYS = {len(keys): (*keys, *(f"_{key}" for key in keys)) for keys in (_INFO, (*_INFO, *COST_KEYS))}
+"""Keys of ``info`` by the number of quantities that are reported, without and with costs."""
 
 
 class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
@@ -146,7 +149,8 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
     | `AutoresetMode.SAME_STEP` | begins the next one in the same step; `info["final_obs"]` and `info["final_info"]` hold the end |
     | `AutoresetMode.DISABLED` | waits for `reset(options={"reset_mask": mask})` |
 
-    `info` holds the single environment's keys, float64 of `num_envs`, each with a mask `_key`.
+    `info` holds the single environment's keys, float64 of `num_envs` (`privileged`: of `num_envs`
+    rows), each with a mask `_key`.
 
     ## Arguments
     All keywords of `PiezoTrackingEnv`, and
@@ -158,6 +162,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
     | `autoreset_mode` | `NEXT_STEP` | member of `gymnasium.vector.AutoresetMode`, or its value |
     | `threads` | `None` | largest number of threads; `None`: one for every 2048 lanes, at most numba's (`NUMBA_NUM_THREADS`, the cores). What a lane does is the same for any number |
     | `render_mode` | `None` | `"rgb_array"`: a frame for each lane |
+    | `single` | `PiezoTrackingEnv` | class of the single environment, a task's with the task's laws and history |
 
     A reset's `seed` is a number (lane i takes seed + i) or one for each lane; its `options` are the
     single environment's, for all lanes that it resets, and `reset_mask`. A `plant` there has the
@@ -197,6 +202,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
         render_mode: str | None = None,
+        single: type[PiezoTrackingEnv] = PiezoTrackingEnv,
         **options: Any,
     ) -> None:
         self.num_envs = checked_count("num_envs", num_envs, "lanes", _MOST_LANES)
@@ -206,10 +212,12 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
             )
         if threads is not None:
             threads = checked_count("threads", threads, "threads", _MOST_LANES)
+        if not (isinstance(single, type) and issubclass(single, PiezoTrackingEnv)):
+            raise InputError(f"single is {quoted(single)}; give a class of PiezoTrackingEnv")
         self._mode = checked_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
         # It makes and checks what the lanes draw; it is never stepped.
-        self.single = PiezoTrackingEnv(render_mode=render_mode, **options)
+        self.single = single(render_mode=render_mode, **options)
         self.render_mode = render_mode
         self.single_observation_space = self.single.observation_space
         self.single_action_space = self.single.action_space
@@ -225,6 +233,11 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
     def layout(self) -> ObservationLayout:
         """Fields of an observation."""
         return self.single.layout
+
+    @property
+    def history(self) -> History:
+        """Earlier samples in an observation."""
+        return self.single.history
 
     @property
     def nominal(self) -> PlantModel:
@@ -281,12 +294,15 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         self._begun = True
         if len(self._over):
             self._over = np.setdiff1d(self._over, lanes)
-        rows = np.zeros((len(_INFO), self.num_envs))
+        rows = np.zeros((len(shown), self.num_envs))
         rows[:, lanes] = shown
         self._record(rows, lanes, lanes)
         begun = np.zeros(self.num_envs, dtype=bool)
         begun[lanes] = True
-        return (observation if mask is None else self.task.observations()), _infos(rows, begun)
+        infos = _infos(rows, begun)
+        if self.single.latents:
+            infos |= {"privileged": self.task.latents(), "_privileged": begun.copy()}
+        return (observation if mask is None else self.task.stacked()), infos
 
     def step(self, actions: NDArray[Any]) -> tuple[Floats32, Array, Flags, Flags, dict[str, Any]]:
         """Set the next command of every lane; the class says what is returned.
@@ -310,6 +326,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         flat, reward, truncated, shown = out
         observation = flat.reshape(self.num_envs, -1)
         ends = task.step >= task.next_end
+        latents = task.latents() if self.single.latents else None
         if len(begun):
             observation[begun], shown[:, begun] = task.begin(begun, {})
             reward[begun], truncated[begun] = 0.0, False
@@ -320,10 +337,16 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
             if len(self._over) and self._mode is AutoresetMode.SAME_STEP:
                 begun, self._over = self._over, self._over[:0]
                 infos = _finals(observation, shown, begun)
+                if latents is not None:
+                    final = infos["final_info"]
+                    final |= {"privileged": latents, "_privileged": infos["_final_obs"].copy()}
                 observation[begun], shown[:, begun] = task.begin(begun, {})
         every = np.arange(self.num_envs) if self.render_mode is not None else begun
         self._record(shown, every, begun)
         infos |= _infos(shown, True)
+        if latents is not None:
+            now = task.latents() if len(begun) else latents
+            infos |= {"privileged": now, "_privileged": np.ones(self.num_envs, dtype=bool)}
         return observation, reward, np.zeros(self.num_envs, dtype=bool), truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -350,7 +373,7 @@ class PiezoTrackingVectorEnv(VectorEnv[Floats32, NDArray[Any], NDArray[Any]]):
         for lane in begun.tolist():
             figures[lane].reset()
         for lane in lanes.tolist():
-            displacement, reference, _, command, _ = shown[:, lane].tolist()
+            displacement, reference, _, command = shown[:4, lane].tolist()
             figures[lane].record(command, reference, displacement)
 
     def _live_figures(self) -> list[LiveFigure]:
@@ -368,7 +391,7 @@ def _infos(shown: Array, lanes: Flags | bool) -> dict[str, Any]:
     """Return what lanes show by its keys, each with a mask of the lanes that have it."""
     masks = np.empty(shown.shape, dtype=bool)
     masks[:] = lanes
-    return dict(zip(_KEYS, (*shown, *masks), strict=True))
+    return dict(zip(_KEYS[len(shown)], (*shown, *masks), strict=True))
 
 
 def _finals(observation: Floats32, shown: Array, ended: Integers) -> dict[str, Any]:
@@ -379,7 +402,7 @@ def _finals(observation: Floats32, shown: Array, ended: Integers) -> dict[str, A
     last = np.full(lanes, None, dtype=object)
     for lane, row in zip(ended.tolist(), observation[ended], strict=True):
         last[lane] = row
-    rows = np.zeros((len(_INFO), lanes))
+    rows = np.zeros((len(shown), lanes))
     rows[:, ended] = shown[:, ended]
     return {
         "final_obs": last,

@@ -18,7 +18,10 @@ from rdpi_gym.envs.vector.chain import run_chain
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     CHANGE,
+    CLIPPED,
     COMMAND,
+    EARLIER,
+    ERROR,
     HELD,
     MEASURED,
     NOISE,
@@ -28,14 +31,16 @@ from rdpi_gym.envs.vector.lanes import (
     SLIDE,
     Flags,
     Floats32,
+    Integers,
     Lanes,
     Law,
     Record,
     Shown,
     Sources,
+    past_begin,
     table_row,
 )
-from rdpi_gym.envs.vector.random import draw_noise
+from rdpi_gym.envs.vector.random import Word, draw_noise
 from rdpi_gym.envs.vector.waves import sample_ahead, sample_references
 from rdpi_gym.support.arrays import Array
 
@@ -52,7 +57,8 @@ def _place_commands(n: int, actions: Array, law: Law, work: Array, numbers: Arra
         u = u if u < high else high
         work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        numbers[n, SATURATED, b] += 0.0 if within == place else 1.0
+        work[CLIPPED, b] = 0.0 if within == place else 1.0
+        numbers[n, SATURATED, b] += work[CLIPPED, b]
 
 
 @njit(cache=True)
@@ -70,7 +76,8 @@ def _add_commands(
         u = u if u < high else high
         work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        numbers[n, SATURATED, b] += 0.0 if (within == place) & (u == wanted) else 1.0
+        work[CLIPPED, b] = 0.0 if (within == place) & (u == wanted) else 1.0
+        numbers[n, SATURATED, b] += work[CLIPPED, b]
 
 
 @njit(cache=True)
@@ -86,6 +93,13 @@ def _convert(n: int, step: int, hold: int, work: Array, numbers: Array) -> None:
 
 
 @njit(cache=True)
+def _round_commands(step_V: float, work: Array) -> None:
+    """Round what drives the plants (V) to the converter's smallest step."""
+    for b in range(work.shape[1]):
+        work[0, b] = np.rint(work[0, b] / step_V) * step_V
+
+
+@njit(cache=True)
 def command_block(
     n: int, step: int, actions: Array, base_V: Array, law: Law, work: Array, numbers: Array
 ) -> None:
@@ -97,6 +111,8 @@ def command_block(
         bases = base_V[first:end] if len(base_V) else numbers[n, COMMAND]
         _add_commands(n, actions, bases, law, work, numbers)
     _convert(n, step, law.hold, work, numbers)
+    if law.step_V > 0.0:
+        _round_commands(law.step_V, work)
 
 
 _FIELDS = len(FIELDS)
@@ -188,6 +204,50 @@ def _show(n: int, at: int, size: int, observed: Floats32, observation: Floats32)
 
 
 @njit(cache=True)
+def _slide_past(n: int, fields: int, past: Floats32) -> None:
+    room = SLIDE * fields
+    for i in range(past.shape[1] - room - 1, -1, -1):
+        past[n, room + i] = past[n, i]
+
+
+@njit(cache=True)
+def show_with_past(
+    n: int, at: int, begin: int, width: int, observed: Floats32, past: Floats32, fields: int,
+    observation: Floats32,
+) -> None:  # fmt: skip
+    """Write the last observations of a block with what was shown before."""
+    # Unsigned: numba asks of every other number whether it counts from the end.
+    size, earlier = _row(width, observed, past, fields)
+    row, first = size + earlier, np.uint64(n * width)
+    lanes = np.uint64(max(0, min(width, len(observation) // int(row) - n * width)))
+    for b in range(lanes):
+        to, now = (first + b) * row, np.uint64(at) + b * size
+        then = np.uint64(begin) + b * earlier
+        for i in range(size):
+            observation[to + i] = observed[n, now + i]
+        for i in range(earlier):
+            observation[to + size + i] = past[n, then + i]
+
+
+@njit(cache=True)
+def _row(width: int, observed: Floats32, past: Floats32, fields: int) -> tuple[Word, Word]:
+    """Lengths of a lane's observation now and of what was shown before."""
+    size = (observed.shape[1] - SLIDE) // width
+    return np.uint64(size), np.uint64((past.shape[1] - SLIDE * fields) // width)
+
+
+@njit(cache=True)
+def _keep(
+    n: int, at: int, begin: int, width: int, observed: Floats32, past: Floats32, now: Integers
+) -> None:
+    size, earlier = _row(width, observed, past, len(now))
+    for b in range(np.uint64(width)):
+        to, shown = np.uint64(begin) + b * earlier, np.uint64(at) + b * size
+        for i in range(len(now)):
+            past[n, to + np.uint64(i)] = observed[n, shown + np.uint64(now[i])]
+
+
+@njit(cache=True)
 def _report_errors(n: int, row: int, ring: int, work: Array, window_um: Array, info: Array) -> None:
     shown = info[:, n * work.shape[1] : (n + 1) * work.shape[1]]
     for b in range(shown.shape[1]):
@@ -223,6 +283,24 @@ def _reward(n: int, law: Law, work: Array, info: Array, reward: Array) -> None:
     )
     for b in range(len(own)):
         own[b] = -abs(error[b]) * law.per_scale - per_change * work[CHANGE, b]
+
+
+@njit(cache=True)
+def _costs(n: int, row: int, law: Law, work: Array, numbers: Array, info: Array) -> None:
+    first = n * work.shape[1]
+    for b in range(min(work.shape[1], info.shape[1] - first)):
+        error, y = info[2, first + b], work[row, b]
+        bend = abs(error - 2.0 * numbers[n, ERROR, b] + numbers[n, EARLIER, b])
+        numbers[n, EARLIER, b] = numbers[n, ERROR, b]
+        numbers[n, ERROR, b] = error
+        rate = 1.0 if work[CHANGE, b] > law.most_change_V else 0.0
+        ringing = 1.0 if bend > law.most_ringing_um else 0.0
+        stroke = 1.0 if (y < law.lowest_um) | (y > law.highest_um) else 0.0
+        info[5, first + b] = work[CLIPPED, b]
+        info[6, first + b] = rate
+        info[7, first + b] = ringing
+        info[8, first + b] = stroke
+        info[9, first + b] = work[CLIPPED, b] + rate + ringing + stroke
 
 
 @njit(cache=True)
@@ -262,18 +340,68 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
             _, samples, width = sources.noise.shape
             sample = table_row(n, law.share, step, samples)
             if sample == 0:
-                draw_noise(n, 0, 0, width, sources.noise_rngs, sources.noise)
+                draw_noise(
+                    n, 0, 0, width, sources.noise_rngs, sources.noise_state, sources.noise_law,
+                    sources.noise,
+                )  # fmt: skip
         read_sensors(n, row, sample, numbers, sources.noise, work)
         measured = MEASURED
     at, size = step % SLIDE, observed.shape[1] - SLIDE
+    past, begin = lanes.past, past_begin(step, len(sources.now))
+    if past.shape[1]:
+        if at == 0:
+            _slide_past(n, len(sources.now), past)
+        _keep(n, (step - 1) % SLIDE, begin, work.shape[1], observed, past, sources.now)
     if at == 0:
         _slide(n, size, observed)
     _observe(n, at, newest, now, measured, sources.encoder, work, numbers, window_um, observed)
-    _show(n, at, size, observed, shown.observation)
+    if past.shape[1]:
+        show_with_past(
+            n, at, begin, work.shape[1], observed, past, len(sources.now), shown.observation
+        )
+    else:
+        _show(n, at, size, observed, shown.observation)
     report(n, row, now, work, numbers, window_um, shown.info)
     _reward(n, law, work, shown.info, shown.reward)
+    if law.limited:
+        _costs(n, row, law, work, numbers, shown.info)
     if step >= lanes.ending[n]:
         _end(n, step, law.max_steps, numbers, shown.truncated)
+
+
+@njit(cache=True)
+def show_stacked(step: int, lanes: Lanes, sources: Sources, observation: Floats32) -> None:
+    """Write the last observations of all lanes with their history."""
+    blocks, _, width = lanes.state.shape
+    for n in range(blocks):
+        show_with_past(
+            n, step % SLIDE, past_begin(step, len(sources.now)), width, lanes.observed, lanes.past,
+            len(sources.now), observation,
+        )  # fmt: skip
+
+
+@njit(cache=True)
+def _spread(
+    own: Integers, observation: Floats32, reward: Array, truncated: Flags, info: Array,
+    all_observations: Floats32, rewards: Array, all_truncated: Flags, infos: Array,
+) -> None:  # fmt: skip
+    size = len(observation) // max(len(own), 1)
+    for slot in range(len(own)):
+        lane = own[slot]
+        if lane < 0:
+            continue
+        for i in range(size):
+            all_observations[lane * size + i] = observation[slot * size + i]
+        rewards[lane], all_truncated[lane] = reward[slot], truncated[slot]
+    for row in range(len(info)):
+        for slot in range(len(own)):
+            if own[slot] >= 0:
+                infos[row, own[slot]] = info[row, slot]
+
+
+def spread(own: Integers, part: Shown, whole: Shown) -> None:
+    """Put what a group shows, slot by slot, in the places of its lanes; those of no lane are left out."""
+    _spread(own, *part, *whole)
 
 
 # Written into both callers: on its own, the whole chain would be optimised once more before theirs.
@@ -312,9 +440,10 @@ def advance_parallel(
     blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take the step of :func:`advance`, each thread of `work` with its share of the blocks."""
+    share = -(-blocks // len(work))
     for thread in prange(len(work)):
         # Unpacked by each thread: numba hands it tuples, and no named ones.
         record = _unpacked(fields)
-        begin = thread * record.law.share
-        end = min(begin + record.law.share, blocks)
+        begin = thread * share
+        end = min(begin + share, blocks)
         _advance_blocks(begin, end, step, actions, base_V, work[thread], record)

@@ -31,12 +31,15 @@ PHASE = 8  # its phase (rad)
 AMPLITUDE = 9  # its amplitude (µm)
 CENTRE = 10  # its centre (µm)
 RISE = 11  # row of its smooth start
-NUMBERS = 12
+ERROR = 12  # r(k) - y(k) (µm)
+EARLIER = 13  # r(k-1) - y(k-1) (µm)
+NUMBERS = 14
 
 # Rows that a thread writes over in every block; the plant's chain takes the first six.
 CHANGE = 6  # of the command (V), absolute
 MEASURED = 7  # displacement as the sensor reads it (µm)
-WORK = 8
+CLIPPED = 8  # 1 where the action or the command was clipped, else 0
+WORK = 9
 
 # Places by which the observations slide on, one a step, before they begin at the first one again.
 SLIDE = 64
@@ -62,6 +65,7 @@ class Lanes(NamedTuple):
     numbers: Array  # float64[N, NUMBERS, W]
     window_um: Array  # float64[N, preview + 1, W]: the reference from now on, a ring
     observed: Floats32  # float32[N, W D + SLIDE]: the last observations, from step % SLIDE on
+    past: Floats32  # float32[N, W F H + SLIDE F]: fields of earlier samples, from past_begin on
     rising: Integers  # int64[N]: first step whose newest reference is beyond all smooth starts
     ending: Integers  # int64[N]: first step at which an episode of it ends
 
@@ -74,9 +78,12 @@ class Sources(NamedTuple):
     waves: Array  # float64[B, C]: references, as rdpi_gym.envs.vector.waves has them
     tables_um: Array  # float64[B, M]: of those that are no wave; one row without any
     ahead_um: Array  # float64[N, AHEAD, W]: next samples of all but sines; empty without any
-    noise: Array  # float64[N, M, W]: standard normal numbers; empty without noise
-    noise_rngs: Words  # uint64[N W, 4]: what they are drawn from
+    noise: Array  # float64[N, M, W]: in units of the sensor's deviation; empty without noise
+    noise_rngs: Words  # uint64[N W, 8]: what it is drawn from
+    noise_state: Array  # float64[N W, 3]: of coloured noise; empty of white noise
+    noise_law: Array  # float64[6]: as rdpi_gym.envs.vector.random has it
     encoder: Array  # float64[F, 6]: of the layout, reciprocal
+    now: Integers  # int64[F]: column of each field's value of sample k
 
 
 class Law(NamedTuple):
@@ -93,16 +100,23 @@ class Law(NamedTuple):
     sensed: bool  # a sensor has noise or a resolution
     max_steps: int
     core: int  # address of the core's kernel
+    step_V: float  # smallest step of the command's converter (V); 0: none
+    limited: bool  # limits are stated, and costs reported
+    most_change_V: float  # limit of the command's change in a sample (V)
+    most_ringing_um: float  # limit of the second difference of the error (µm)
+    lowest_um: float  # limits of the displacement (µm)
+    highest_um: float
     share: int  # blocks of lanes that a thread has, the last perhaps fewer
 
 
 class Shown(NamedTuple):
     """Result of a step: arrays of B lanes that the caller keeps."""
 
-    observation: Floats32  # float32[B D]
+    observation: Floats32  # float32[B (D + F H)]
     reward: Array  # float64[B]
     truncated: Flags  # bool[B]
-    info: Array  # float64[5, B]: displacement, reference, error (µm), command (V), saturated
+    info: Array  # float64[5, B]: displacement, reference, error (µm), command (V), saturated; or
+    # float64[10, B]: then costs of saturation, rate, ringing, excess stroke, and their sum
 
 
 class Record(NamedTuple):
@@ -127,8 +141,12 @@ def room(count: int, dtype: Any = np.float64) -> NDArray[Any]:
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
     """Return zeros that begin at a cache line, see :func:`room`."""
-    zeros = room(math.prod(shape), dtype).reshape(shape)
-    zeros[...] = 0
+    size = np.dtype(dtype).itemsize
+    raw = np.zeros(
+        math.prod(shape) + _ALIGNMENT // size, dtype=dtype
+    )  # pages come as they are used
+    start = -raw.__array_interface__["data"][0] % _ALIGNMENT // size
+    zeros: NDArray[Any] = raw[start : start + math.prod(shape)].reshape(shape)
     return zeros
 
 
@@ -144,6 +162,7 @@ def make_lanes(
     rows: tuple[int, int, int, int],
     layout: ObservationLayout,
     shared: tuple[bool, bool] = (False, False),
+    history: int = 0,
 ) -> Lanes:
     """Return lanes that have not begun."""
     blocks, width = shape
@@ -156,11 +175,23 @@ def make_lanes(
         numbers=aligned((blocks, NUMBERS, width)),
         window_um=aligned((blocks, layout.preview + 1, width)),
         observed=aligned((blocks, width * layout.size + SLIDE), np.float32),
+        past=aligned((blocks, past_size(width, history, len(layout.fields))), np.float32),
         rising=np.zeros(blocks, dtype=np.int64),
         ending=np.zeros(blocks, dtype=np.int64),
     )
     lanes.numbers[:, BEGUN] = NEVER
     return lanes
+
+
+def past_size(width: int, history: int, fields: int) -> int:
+    """Length of a block's fields of earlier samples, with room to slide; 0 without history."""
+    return (width * history + SLIDE) * fields if history else 0
+
+
+@njit(cache=True, inline="always")
+def past_begin(step: int, fields: int) -> int:
+    """Place in a block's past where that of its first lane begins; it slides down, a sample a step."""
+    return (SLIDE - 1 - step % SLIDE) * fields
 
 
 def unshared(lanes: Lanes) -> Lanes:
@@ -195,6 +226,9 @@ def scatter(
     """Put lanes that have just begun, in one block of their own, in their places."""
     blocks, _, width = lanes.state.shape
     at, size = step % SLIDE, (lanes.observed.shape[1] - SLIDE) // width
+    shown = len(observation) // len(indices)
+    past = shown - size
+    begin = (SLIDE - 1 - step % SLIDE) * (lanes.past.shape[1] - width * past) // SLIDE
     for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
         if len(lanes.p) == blocks:
@@ -206,7 +240,9 @@ def scatter(
         _copy_lane(fresh.numbers, j, lanes.numbers[n], b)
         _copy_lane(fresh.window_um, j, lanes.window_um[n], b)
         for i in range(size):
-            lanes.observed[n, at + b * size + i] = observation[j * size + i]
+            lanes.observed[n, at + b * size + i] = observation[j * shown + i]
+        for i in range(past):
+            lanes.past[n, begin + b * past + i] = observation[j * shown + size + i]
 
 
 @njit(cache=True, parallel=True)

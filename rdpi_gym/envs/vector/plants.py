@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any, cast
 
 import numpy as np
 from numba import njit
 
+from rdpi_gym.envs.draw_laws import BLOCK, DrawLaw, Glide, Wear
 from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
 from rdpi_gym.envs.vector.begin import scale_packed, settle_plays
 from rdpi_gym.envs.vector.chain import Table, core_address, stage_address
-from rdpi_gym.envs.vector.lanes import Flags, Integers, Lanes
+from rdpi_gym.envs.vector.lanes import NEVER, Flags, Integers, Lanes
 from rdpi_gym.plant import RDPI, PlantModel, pack
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.play import given_rate_block
@@ -51,14 +52,18 @@ class CoreLanes:
             )
         return pack([core], self._ts_s, [offset_um])[:, 0].copy()
 
-    def draw(self, core: Core, factors: Array, fresh: Lanes) -> LaneCores:
-        """Put what lanes have drawn into a block that begins with the parameters of one plant."""
-        cores = LaneCores(core, factors)
-        if factors.shape[1] and core.drawn_as_packed:
-            scale_packed(len(core.gains), self._gaps_V, factors, fresh)
-        elif factors.shape[1]:
-            for lane in range(len(factors)):
-                fresh.p[0, :-2, lane] = cores[lane].coefficients()
+    def draw(self, core: Core, factors: Array, worn: Array | None, fresh: Lanes) -> LaneCores:
+        """Put what lanes have drawn into a block that begins with the parameters of one plant.
+
+        `worn` are the factors of their wear, if they wear.
+        """
+        rounds = [each for each in (factors, worn) if each is not None and each.shape[1]]
+        cores = LaneCores(core, rounds)
+        if rounds and core.drawn_as_packed:
+            product = rounds[0] if len(rounds) == 1 else rounds[0] * rounds[1]
+            scale_packed(len(core.gains), self._gaps_V, product, fresh)
+        elif rounds:
+            fresh.p[0, :-2, : len(rounds[0])] = cores.coefficients()
         return cores
 
     def settle(self, rest_V: float, turns_V: Array, cores: LaneCores, fresh: Lanes) -> None:
@@ -68,6 +73,9 @@ class CoreLanes:
             return
         count = turns_V.shape[1]
         memory, rest = np.zeros((self._nominal.n, count)), np.full(count, rest_V)
+        if not len(turns_V) and rest_V == 0.0:  # where every core of a kind remembers the same
+            fresh.state[0, 2:, :count] = self._nominal.resting(memory, rest)
+            return
         if len(turns_V):
             for lane in range(count):
                 memory[:, lane] = cores[lane].settled(turns_V[:, lane].tolist())
@@ -79,20 +87,30 @@ class CoreLanes:
 class LaneCores:
     """The cores of lanes that begin, each made when it is first asked for."""
 
-    def __init__(self, core: Core, factors: Array) -> None:
-        self._core, self._factors = core, factors
+    def __init__(self, core: Core, rounds: Sequence[Array]) -> None:
+        self._core, self._rounds = core, rounds
         self._made: dict[int, Core] = {}
 
     def __getitem__(self, lane: int) -> Core:
-        if self._factors.shape[1] == 0:
+        if not self._rounds:
             return self._core
         if lane not in self._made:
-            self._made[lane] = self._core.scaled(self._factors[lane])
+            core = self._core
+            for factors in self._rounds:
+                core = core.scaled(factors[lane])
+            self._made[lane] = core
         return self._made[lane]
+
+    def coefficients(self) -> Array:
+        """Return what the kernel reads of each lane's core, a column a lane."""
+        if len(self._rounds) == 1:
+            return self._core.scaled_coefficients(self._rounds[0])
+        lanes = range(len(self._rounds[0]))
+        return np.array([self[lane].coefficients() for lane in lanes]).T
 
     def alike(self, count: int) -> list[slice]:
         """Return stretches of the first `count` lanes that have one core each."""
-        if self._factors.shape[1] == 0:
+        if not self._rounds:
             return [slice(0, count)]
         return [slice(lane, lane + 1) for lane in range(count)]
 
@@ -254,6 +272,87 @@ class EffectStages:
                     turns_V[:, lane] = effect.turns_from(rest_V)
         return turns_V
 
+    def values(self, i: int, levels: Integers) -> dict[str, Array]:
+        """Return the parameters of an effect at the levels that lanes have drawn."""
+        effect, count = self._effects[i], len(levels)
+        begin, middle = sum(self._counts[:i]), (EFFECT_LEVELS - 1) / 2
+        found = {name: np.full(count, value) for name, value in effect.values.items()}
+        for j, name in enumerate(drawn_parameters(effect) if levels.shape[1] else ()):
+            found[name] *= 1.0 + self._half_width * (levels[:, begin + j] / middle - 1.0)
+        return type(effect).bounded(found)
+
+    def place_of(self, name: str) -> tuple[int, list[int]] | None:
+        """Return the number of an effect and its row of the table; None: no stage has the name."""
+        for i, row in zip(self._stages, self.table.tolist(), strict=True):
+            if self._effects[i].name == name:
+                return i, row
+        return None
+
+    def columns(self, i: int, values: Mapping[str, Array], cores: LaneCores | None) -> Array:
+        """Return the parameters of an effect's stage at values that lanes have, a column a lane."""
+        kind = type(self._effects[i])
+        if i not in self._reading:
+            return kind.columns(values, self._ts_s)
+        assert cores is not None
+        lanes = range(len(next(iter(values.values()))))
+        made = (
+            kind(**{k: float(v[lane]) for k, v in values.items()}).coefficients(
+                self._ts_s, cores[lane]
+            )
+            for lane in lanes
+        )
+        return np.array(list(made)).T
+
+    def wear(
+        self, law: Wear, levels: Integers, life: Array, fresh: Lanes, cores: LaneCores
+    ) -> None:
+        """Put the parameters of effects that have worn into a block that begins."""
+        for name in law.effects:
+            place = self.place_of(name)
+            if place is not None:
+                i, row = place
+                worn = self.worn_values(i, levels, law, life)
+                fresh.stage_p[0, row[2] : row[3], : len(life)] = self.columns(i, worn, cores)
+
+    def worn_values(
+        self, i: int, levels: Integers, law: Wear | None, life: Array
+    ) -> dict[str, Array]:
+        """Return the parameters of an effect at levels after shares of its life."""
+        values, name = self.values(i, levels), self._effects[i].name
+        if law is None or name not in law.effects:
+            return values
+        parameter, change = law.effects[name]
+        values[parameter] = values[parameter] * (1.0 + change * life)
+        return type(self._effects[i]).bounded(values)
+
+    def all_values(self, levels: Integers, law: Wear | None, life: Array) -> Array:
+        """Return the parameters of every effect of lanes, float64[K, m]."""
+        found = [
+            value
+            for i in range(len(self._effects))
+            for value in self.worn_values(i, levels, law, life).values()
+        ]
+        return np.array(found).reshape(len(found), len(levels))
+
+    def row_of(self, i: int, parameter: str) -> int:
+        """Return the row of a parameter among those of :meth:`all_values`."""
+        before = sum(len(effect.values) for effect in self._effects[:i])
+        return before + list(self._effects[i].values).index(parameter)
+
+    @property
+    def count(self) -> int:
+        """Number of parameters of all effects."""
+        return sum(len(effect.values) for effect in self._effects)
+
+    def kind(self, i: int) -> type[Effect]:
+        """Return the class of an effect."""
+        return type(self._effects[i])
+
+    @property
+    def ts_s(self) -> float:
+        """Sampling time (s)."""
+        return self._ts_s
+
     def _at_levels(self, levels: Sequence[int]) -> tuple[list[Effect], list[list[float]]]:
         effects, columns, begin = [], [], 0
         for i, count in enumerate(self._counts):
@@ -299,3 +398,97 @@ class EffectStages:
             alone = [rows([middle] * i + [end] + [middle] * (count - 1 - i)) for end in (0, last)]
             ends.append((middle,) if alone == [centre, centre] else (0, middle, last))
         return max(rows(levels) for levels in product(*ends))
+
+
+class Glides:
+    """Parameters of an effect that change within the episodes of B lanes: see :class:`Glide`.
+
+    Attributes
+    ----------
+    due : int
+        First step at which a lane changes.
+    """
+
+    def __init__(self, law: Glide, wear: Wear | None, effects: EffectStages, lanes: int) -> None:
+        place = effects.place_of(law.effect)
+        if place is None:
+            raise InputError(f"no effect {law.effect} changes; give a plant that has it")
+        self._law, self._wear, self._effects = law, wear, effects
+        self._i, self._row = place
+        self._next: Integers = np.full(lanes, NEVER)
+        self._done: Integers = np.zeros(lanes, dtype=np.int64)
+        self._last: Array = np.zeros(lanes)
+        self._values = effects.values(self._i, np.empty((lanes, 0), dtype=np.int64))
+        self.due = NEVER
+
+    @property
+    def beginnings(self) -> int:
+        """Number of samples at which a change may begin."""
+        return self._law.spread // BLOCK
+
+    def begin(
+        self, step: int, indices: Integers, levels: Integers, drawn: Array, life: Array
+    ) -> None:
+        """Plan the changes of lanes that begin; none where nothing is drawn."""
+        self._next[indices] = NEVER
+        if len(drawn):
+            law = self._law
+            wear = self._wear if len(life) else None
+            values = self._effects.worn_values(self._i, levels, wear, life)
+            for name, own in values.items():
+                self._values[name][indices] = own
+            value = values[law.parameter]
+            fraction = law.low + (law.high - law.low) * drawn[:, 1]
+            self._last[indices] = np.maximum(value * fraction, np.minimum(law.lowest, value))
+            self._done[indices] = 0
+            self._next[indices] = step + law.first + BLOCK * drawn[:, 0].astype(np.int64)
+        self.due = int(self._next.min())
+
+    def change(self, step: int, lanes: Lanes, latents: Array) -> None:
+        """Change the lanes that are due at a step; what their stages remember is carried on.
+
+        `latents` are latent parameters of all lanes, those of effects last; without columns, none.
+        """
+        law, own = self._law, np.flatnonzero(self._next <= step)
+        done, first = self._done[own], {k: v[own] for k, v in self._values.items()}
+        value, last = first[law.parameter], self._last[own]
+
+        def at(count: Integers) -> dict[str, Array]:
+            return {**first, law.parameter: value * (last / value) ** (count / law.steps)}
+
+        before, after = at(done), at(done + 1)
+        kind, width = self._effects.kind(self._i), lanes.state.shape[2]
+        n, b = own // width, own % width
+        _, _, p, p_end, s, s_end = self._row
+        lanes.stage_p[n, p:p_end, b] = kind.columns(after, self._effects.ts_s).T
+        state = lanes.stage_state[n, s:s_end, b].T
+        kind.carry_columns(state, before, after)
+        lanes.stage_state[n, s:s_end, b] = state.T
+        if latents.shape[1]:
+            last_rows = self._effects.row_of(self._i, law.parameter) - self._effects.count
+            latents[own, last_rows] = after[law.parameter]
+        self._done[own] = done + 1
+        self._next[own] = np.where(done + 1 < law.steps, self._next[own] + BLOCK, NEVER)
+        self.due = int(self._next.min())
+
+
+def wear_of(law: DrawLaw) -> Wear | None:
+    """Return the wear of plants as data, or refuse a law that is a function of Python."""
+    if law.ageing is None or isinstance(law.ageing, Wear):
+        return law.ageing
+    raise InputError(
+        f"ageing {law.ageing!r} is a function, which lanes cannot share; give a Wear, or make "
+        "single environments with vectorization_mode='sync'"
+    )
+
+
+def glides_of(law: DrawLaw, effects: EffectStages, lanes: int) -> Glides | None:
+    """Return the changes within episodes, or refuse a law that is a function of Python."""
+    if law.schedule is None:
+        return None
+    if isinstance(law.schedule, Glide):
+        return Glides(law.schedule, wear_of(law), effects, lanes)
+    raise InputError(
+        f"schedule {law.schedule!r} is a function, which lanes cannot share; give a Glide, or make "
+        "single environments with vectorization_mode='sync'"
+    )

@@ -16,7 +16,9 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numba.np.random import _constants as ziggurat
 
+from rdpi_gym.envs.draw_laws import MAINS_HZ, NOISE_BLOCK, NoiseLaw
 from rdpi_gym.envs.vector.lanes import Integers, Words, aligned, table_row
+from rdpi_gym.envs.vector.sines import sines
 from rdpi_gym.support.arrays import Array
 
 Word: TypeAlias = np.uint64
@@ -178,49 +180,122 @@ def draw_normals(rng: Words, numbers: Array) -> None:
 
 
 @njit(cache=True)
-def draw_reference(rng: Words, choices: int) -> tuple[int, float, int]:
-    """Return ``rng.integers(choices), rng.random(), rng.integers(2**31)`` of a fresh generator.
+def next_below(rng: Words, bound: int, held: tuple[bool, Word]) -> tuple[int, tuple[bool, Word]]:
+    """Return what ``rng.integers(bound)`` does, and the half of a word that is left for the next.
 
-    Both whole numbers take 32 bits: the low half of a word first, then the high half that is left.
+    Whole numbers take 32 bits: the low half of a word first, then the high half that is left.
     """
-    index, left, word = np.uint64(0), False, np.uint64(0)
-    if choices > 1:  # Lemire's method
-        several = np.uint64(choices)
-        rejected = (np.uint64(4294967296) - several) % several
-        while True:
-            bits = word >> _32
-            if not left:
-                word = next_word(rng)
-                bits = word & _LOW32
-            left = not left
-            product = bits * several
-            if (product & _LOW32) >= rejected:
-                index = product >> _32
-                break
+    left, word = held
+    if bound <= 1:
+        return 0, held
+    several = np.uint64(bound)  # Lemire's method
+    rejected = (np.uint64(4294967296) - several) % several
+    while True:
+        bits = word >> _32
+        if not left:
+            word = next_word(rng)
+            bits = word & _LOW32
+        left = not left
+        product = bits * several
+        if (product & _LOW32) >= rejected:
+            return int(product >> _32), (left, word)
+
+
+@njit(cache=True)
+def draw_reference(rng: Words, choices: int) -> tuple[int, float, int]:
+    """Return ``rng.integers(choices), rng.random(), rng.integers(2**31)`` of a fresh generator."""
+    index, held = next_below(rng, choices, (False, np.uint64(0)))
     position: float = next_uniform(rng)
+    left, word = held
     bits = (word >> _32) if left else (next_word(rng) & _LOW32)
-    return int(index), position, int(bits >> _ONE)
+    return index, position, int(bits >> _ONE)
 
 
 SAMPLES = 32
 """Numbers that a lane draws at a time: its generator stays in registers meanwhile."""
 
 
+# Coloured noise: columns of a lane's state, and entries of its law.
+COUNT, HUM_RAD, WANDER = range(3)  # samples drawn, phase of the mains, last of the low-pass
+WHITE_SHARE, WANDER_SHARE, HUM_SHARE, POLE, GAIN, MAINS_RAD = range(
+    6
+)  # the last one per second; then ts_s
+
+
 @njit(cache=True)
-def draw_noise(n: int, row: int, begin: int, end: int, rngs: Words, tables: Array) -> None:
+def _begin_coloured(rng: Words, state: Array, first: Array) -> None:
+    """Draw what coloured noise begins with, of a generator that has just been seeded."""
+    state[COUNT] = 0.0
+    state[HUM_RAD] = 2.0 * math.pi * next_uniform(rng[:4])
+    draw_normals(rng[:4], first[:1])
+    state[WANDER] = first[0]
+    for i in range(4):
+        rng[4 + i] = rng[i]
+
+
+@njit(cache=True)
+def _draw_coloured(
+    rng: Words, state: Array, law: Array, ts_s: float, white: Array, driven: Array, hum: Array,
+    numbers: Array,
+) -> None:  # fmt: skip
+    """Fill `numbers` as ``ColouredNoise.standard_normal`` does, whose blocks are of one length.
+
+    Of a block the white numbers come first, then those that drive the low-pass: the second half of
+    `rng` is the generator behind the white ones.
+    """
+    done, pole, gain = 0, law[POLE], law[GAIN]
+    while done < len(numbers):
+        count = int(state[COUNT])
+        at = count % NOISE_BLOCK
+        if at == 0:
+            for i in range(4):
+                rng[i] = rng[4 + i]
+            for _ in range(NOISE_BLOCK // SAMPLES):
+                draw_normals(rng[4:], driven)
+            if pole > 0.0:
+                state[WANDER] = pole * (state[WANDER] if count == 0 else state[WANDER] / pole)
+        part = min(len(numbers) - done, NOISE_BLOCK - at, SAMPLES)
+        draw_normals(rng[:4], white[:part])
+        draw_normals(rng[4:], driven[:part])
+        for j in range(part):
+            hum[j] = law[MAINS_RAD] * (ts_s * (count + j)) + state[HUM_RAD]
+        sines(hum[:part])
+        held = state[WANDER]
+        for j in range(part):
+            wander = held + gain * driven[j]
+            held = pole * wander
+            numbers[done + j] = (
+                law[WHITE_SHARE] * white[j] + law[WANDER_SHARE] * wander + law[HUM_SHARE] * hum[j]
+            )
+        state[WANDER] = held
+        state[COUNT] += part
+        done += part
+
+
+@njit(cache=True)
+def draw_noise(
+    n: int, row: int, begin: int, end: int, rngs: Words, states: Array, law: Array, tables: Array
+) -> None:
     """Draw the rows of a block's lanes from a row on, for the lanes that have a generator."""
-    width = tables.shape[2]
+    width, ts_s = tables.shape[2], law[len(law) - 1]
+    rooms = np.empty((3, SAMPLES))
     for b in range(begin, end):
         lane = n * width + b
         if rngs[lane, 3] == 0:  # a seeded one has an odd increment
             continue
-        draw_normals(rngs[lane], tables[n, row:, b])
+        if len(states):
+            _draw_coloured(
+                rngs[lane], states[lane], law, ts_s, rooms[0], rooms[1], rooms[2],
+                tables[n, row:, b],
+            )  # fmt: skip
+        else:
+            draw_normals(rngs[lane], tables[n, row:, b])
 
 
 @njit(cache=True)
 def begin_noise(
     first: int, end: int, step: int, share: int, indices: Integers, noise_um: float, seeds: Words,
-    rngs: Words, tables: Array, first_noise: Array,
+    rngs: Words, states: Array, law: Array, tables: Array, first_noise: Array,
 ) -> None:  # fmt: skip
     """Seed the generators of lanes that begin at a step, and draw what is left of their blocks' rows."""
     if not len(tables):
@@ -232,30 +307,43 @@ def begin_noise(
         rngs[indices[j]] = 0
         if noise_um > 0.0:
             seed_generator(seeds[j], rngs[indices[j]])
-            draw_noise(n, row, b, b + 1, rngs, tables)
+            if len(states):
+                _begin_coloured(rngs[indices[j]], states[indices[j]], first_noise[0, :, j])
+            draw_noise(n, row, b, b + 1, rngs, states, law, tables)
         else:
             tables[n, :, b] = 0.0
         first_noise[0, 0, j] = tables[n, row, b]
 
 
 class NoiseTables:
-    """Standard normal numbers for the lanes whose sensor has noise, float64[N, S, W], and their generators.
+    """Noise of the lanes whose sensor has any, in units of its deviation, float64[N, S, W], and its generators.
 
-    As :func:`draw_noise` has them; without rows until a lane has noise.
+    As :func:`draw_noise` has them; without rows until a lane has noise. `law` None is white noise.
     """
 
-    def __init__(self, shape: tuple[int, int], share: int) -> None:
+    def __init__(
+        self, shape: tuple[int, int], share: int, law: NoiseLaw | None, ts_s: float
+    ) -> None:
         self._blocks, self._width = shape
-        self._share = share
-        self.rngs: Words = np.zeros((0, 4), dtype=np.uint64)
+        self._share, self._coloured = share, law is not None
+        self.rngs: Words = np.zeros((0, 8), dtype=np.uint64)
+        self.states: Array = np.zeros((0, 3))
         self.tables: Array = np.zeros((0, SAMPLES, 1))
+        given = NoiseLaw() if law is None else law
+        pole = math.exp(-2.0 * math.pi * given.corner_hz * ts_s)
+        shares = given.white, given.wander, given.hum
+        mains_rad = 2.0 * math.pi * MAINS_HZ
+        self.law: Array = np.array([*shares, pole, math.sqrt(1.0 - pole**2), mains_rad, ts_s])
 
     def ready(self, step: int, indices: Integers, noise_um: float, seeds: Words) -> tuple[Any, ...]:
         """Make room for the noise of lanes that begin at a step, once there is any."""
         if not len(self.tables) and noise_um > 0.0:
-            self.rngs = np.zeros((self._blocks * self._width, 4), dtype=np.uint64)
+            lanes = self._blocks * self._width
+            self.rngs = np.zeros((lanes, 8), dtype=np.uint64)
+            self.states = np.zeros((lanes if self._coloured else 0, 3))
             self.tables = aligned((self._blocks, SAMPLES, self._width))
         rows = (1, 1, len(indices)) if len(self.tables) else (0, 1, 1)
         return (
-            step, self._share, indices, noise_um, seeds, self.rngs, self.tables, np.empty(rows),
+            step, self._share, indices, noise_um, seeds, self.rngs, self.states, self.law,
+            self.tables, np.empty(rows),
         )  # fmt: skip

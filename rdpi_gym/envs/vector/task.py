@@ -9,7 +9,9 @@ import numba
 import numpy as np
 
 from rdpi_gym.envs.controller import Correction
+from rdpi_gym.envs.limits import Limits
 from rdpi_gym.envs.piezo_tracking import PiezoTrackingEnv
+from rdpi_gym.envs.privileged import core_values, in_place, latent_values
 from rdpi_gym.envs.truth import (
     FrequencyChoice,
     ReferenceChoice,
@@ -21,12 +23,13 @@ from rdpi_gym.envs.vector.begin import (
     begin_signals,
     begin_signals_parallel,
     draw_episodes,
+    draw_seeds,
     place_plants,
     seed_generators,
     show_first,
 )
 from rdpi_gym.envs.vector.chain import run_chain
-from rdpi_gym.envs.vector.kernels import advance, advance_parallel
+from rdpi_gym.envs.vector.kernels import advance, advance_parallel, show_stacked, spread
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     NEVER,
@@ -48,7 +51,7 @@ from rdpi_gym.envs.vector.lanes import (
     scatter_parallel,
     unshared,
 )
-from rdpi_gym.envs.vector.plants import CoreLanes, EffectStages
+from rdpi_gym.envs.vector.plants import CoreLanes, EffectStages, LaneCores, glides_of, wear_of
 from rdpi_gym.envs.vector.random import NoiseTables
 from rdpi_gym.envs.vector.waves import (
     AHEAD,
@@ -81,24 +84,32 @@ _LANES_A_THREAD = 2048
 _BEGINNINGS_A_THREAD = 8
 
 
-class VectorTask:
-    """B lanes of what one environment does, without the rules of autoreset.
+class LaneGroup:
+    """B lanes of plants about one nominal plant, which take seeds and commands as they are given them.
 
-    Plant, layout, references and their checks are those of `single`. `step` counts the steps so far,
+    Layout, references and their checks are those of `single`. `step` counts the steps so far,
     `next_end` is the first at which an episode ends.
     """
 
     def __init__(
-        self, single: PiezoTrackingEnv, lanes: int, max_steps: int | None, threads: int | None
+        self,
+        single: PiezoTrackingEnv,
+        nominal: PlantModel,
+        lanes: int,
+        max_steps: int | None,
+        threads: int | None,
     ) -> None:
         self._single, self._layout, self._lane_count = single, single.layout, lanes
-        truths, layout = single.truths, single.layout
-        nominal = truths.nominal
+        self._nominal = nominal
+        truths, layout, law = single.truths, single.layout, single.truths.law
         self._core = CoreLanes(nominal, layout.ts_s)
         self._effects = EffectStages(nominal, layout.ts_s, truths.effects_half_width)
+        self._wear = wear_of(law)
+        self._glides = glides_of(law, self._effects, lanes)
         self._hold = nominal.converter.samples(layout.ts_s)
+        self._draws_core = truths.half_width > 0.0 or self._wear is not None
         self._draws_effects = self._effects.levels > 0 or (
-            truths.half_width > 0.0 and self._effects.reads_hysteresis
+            self._draws_core and self._effects.reads_hysteresis
         )
         shape = block_shape(lanes)
         if threads is None:
@@ -109,7 +120,7 @@ class VectorTask:
         self._rest_V = min(max(0.0, low), high)
         self._column = self._column_of(nominal)
         self._max_steps = NEVER if max_steps is None else max_steps
-        sensor = nominal.sensor
+        sensor, limits = nominal.sensor, single.limits
         self._law = Law(
             ts_s=layout.ts_s,
             per_scale=1.0 / layout.scale_um,
@@ -122,25 +133,26 @@ class VectorTask:
             sensed=sensor.noise_um > 0.0 or sensor.resolution_um > 0.0,
             max_steps=self._max_steps,
             core=self._core.kernel,
+            step_V=law.command_step_V,
+            limited=limits is not None,
+            **(limits or Limits()).of_sample(layout)._asdict(),
             share=share,
         )
         self._rows = (*self._core.rows, *self._effects.rows)
-        shared = (truths.half_width == 0.0, not self._draws_effects)
-        self._lanes = make_lanes(shape, self._rows, layout, shared)
+        changes = self._wear is not None or self._glides is not None
+        shared = (not self._draws_core, not (self._draws_effects or changes))
+        self._lanes = make_lanes(shape, self._rows, layout, shared, single.history.steps)
         self._lanes.p[:] = self._column.p[:, None]
         self._lanes.stage_p[:] = self._column.stage_p[:, None]
         self._work: Array = aligned((threads, WORK, shape[1]))
-        self._correction: Correction | None = None
-        if single.baseline is not None:
-            self._correction = Correction(single.baseline, single.belief, layout, lanes)
-        plans = self._correction is not None and self._correction.plans
+        plans = single.plans
         self._references = References(single, lanes, shape, plans, self._max_steps, share)
-        self._noise = NoiseTables(shape, share)
+        self._noise = NoiseTables(shape, share, law.noise, layout.ts_s)
         self._encoder = layout.encoder(single.bound_um, reciprocal=True)
+        self._now = np.array(layout.now, dtype=np.int64)
         self._sources = self._current_sources()
         self._fresh: tuple[Lanes, Array] | None = None
-        self._begins = np.ones(lanes, dtype=bool)
-        self._generators: Words = np.zeros((lanes, 4), dtype=np.uint64)
+        self._latent: Array = np.zeros((lanes if single.latents else 0, 0))
         self.step, self.next_end = 0, 0
 
     @property
@@ -148,25 +160,43 @@ class VectorTask:
         """Number of threads that share a step."""
         return len(self._work)
 
+    @property
+    def info_rows(self) -> int:
+        """Number of quantities that are reported beside observation and reward."""
+        return 10 if self._law.limited else 5
+
     def observations(self) -> Floats32:
-        """Return the last observations, a fresh float32[B, D]."""
+        """Return the last observations without history, a fresh float32[B, D]."""
         size, at = self._layout.size, self.step % SLIDE
         observed = self._lanes.observed[:, at : at + size * self._lanes.state.shape[2]]
         last = room(self._lane_count * size, np.float32).reshape(-1, size)
         last[...] = observed.reshape(-1, size)[: self._lane_count]
         return last
 
-    def seed(self, indices: Integers, seeds: Words) -> None:
-        """Begin the generators of some lanes anew, as ``numpy.random.default_rng(seed)``."""
-        seed_generators(seeds, indices, self._generators)
+    def stacked(self) -> Floats32:
+        """Return the last observations with their history, a fresh float32[B, D + F H]."""
+        history = self._single.history
+        if not history.steps:
+            return self.observations()
+        out = room(self._lane_count * history.size, np.float32)
+        show_stacked(self.step, self._lanes, self._sources, out)
+        return out.reshape(-1, history.size)
 
-    def begin(self, indices: Integers, options: Mapping[str, Any]) -> tuple[Floats32, Array]:
-        """Begin episodes in some lanes."""
+    def reference_um(self, lane: int) -> Array:
+        """Samples (µm) of the reference of a lane that has a table."""
+        own: Array = self._references.tables_um[lane]
+        return own
+
+    def begin(
+        self, indices: Integers, seeds: Words, given: PlantModel | None, options: Mapping[str, Any]
+    ) -> tuple[Floats32, Array]:
+        """Begin episodes in some lanes, from the seeds of their plants, references and noise."""
         truths, count = self._single.truths, len(indices)
-        given = truths.given(options, self._layout)
+        law = truths.law
         column = self._column if given is None else self._column_of(given)
         offer = self._references.offered(options.get("reference"), options.get("frequency_hz"))
-        drawing, core = given is None, (given or truths.nominal).hysteresis
+        drawing, core = given is None, (given or self._nominal).hysteresis
+        wears, changes = drawing and self._wear is not None, drawing and self._glides is not None
         drawn = Drawn(
             factors=np.empty(
                 (count, self._core.factors if drawing and truths.half_width > 0 else 0)
@@ -176,19 +206,30 @@ class VectorTask:
             position=np.empty(count),
             signal_seed=np.empty(count, dtype=np.int64),
             noise_seed=np.empty(count, dtype=np.uint64),
+            life=np.empty(count if wears else 0),
+            change=np.empty((count if changes else 0, 2)),
         )
+        beginnings = 0 if self._glides is None else self._glides.beginnings
         choices = len(self._references.offer.choices)
-        draw_episodes(self._generators, indices, choices, truths.half_width, drawn)
+        draw_episodes(seeds, choices, len(law.nominals), truths.half_width, beginnings, drawn)
         if not drawing:
             self._take_plant(column)
         fresh, work = self._fresh_block(count)
         place_plants(self.step, self._rest_V, column, drawn, fresh)
-        cores = self._core.draw(core, drawn.factors, fresh)
+        worn = None if self._wear is None or not wears else self._wear.factors(core, drawn.life)
+        cores = self._core.draw(core, drawn.factors, worn, fresh)
         turns = column.turns_V[:, None].repeat(count, axis=1)
         if drawing and self._draws_effects:
             turns = self._effects.draw(drawn.levels, fresh, cores, self._rest_V, turns)
+        if self._wear is not None and wears:
+            self._effects.wear(self._wear, drawn.levels, drawn.life, fresh, cores)
+        if self._single.latents:
+            self._note_latents(indices, given, drawn, cores, fresh)
+        if self._glides is not None:
+            self._glides.begin(self.step, indices, drawn.levels, drawn.change, drawn.life)
         self._core.settle(self._rest_V, turns, cores, fresh)
-        work[0] = self._rest_V
+        rest_V, step_V = self._rest_V, self._law.step_V
+        work[0] = np.rint(rest_V / step_V) * step_V if step_V else rest_V
         waves = self._references.ready(self.step, indices, offer, drawn, fresh)
         noise = self._noise.ready(self.step, indices, column.noise_um, drawn.noise_seed)
         threads = min(self.threads, max(1, count // _BEGINNINGS_A_THREAD))
@@ -201,10 +242,11 @@ class VectorTask:
             self._law.core, fresh.p[0], fresh.state[0], self._effects.table, fresh.stage_p[0],
             fresh.stage_state[0], self._layout.ts_s, work,
         )  # fmt: skip
-        size = self._layout.size
+        size = self._single.history.size
         shown = Shown(
-            room(count * size, np.float32), np.empty(0), np.empty(0, bool), np.empty((5, count))
-        )
+            room(count * size, np.float32), np.empty(0), np.empty(0, bool),
+            np.empty((self.info_rows, count)),
+        )  # fmt: skip
         show_first(self.step, row, fresh, sources, self._law, work, shown)
         rise = self._references.rises.shape[1]
         if threads > 1:
@@ -213,32 +255,63 @@ class VectorTask:
         else:
             scatter(0, count, self.step, fresh, shown.observation, indices, self._lanes)
         note_begun(self.step, indices, self._lanes, self._max_steps, rise)
-        observation = shown.observation.reshape(count, size)
         self._sources = self._current_sources()
         self.next_end = int(self._lanes.ending.min())
-        self._begins[indices] = True
-        if self._correction is not None and self._correction.plans:
-            self._correction.plan(indices, self._references.tables_um, observation)
-        return observation, shown.info
+        return shown.observation.reshape(count, size), shown.info
 
-    def advance(self, actions: Array) -> Shown:
-        """Take one step of all lanes."""
-        base_V = np.empty(0)
-        if self._correction is not None:
-            self._correction.observe(self.observations(), self._begins)
-            base_V = self._correction.commands_V
-        self._begins[:] = False
+    @property
+    def latents(self) -> Array:
+        """Latent parameters of each lane's plant as it is now, float64[B, K]; overwritten as it changes."""
+        return self._latent
+
+    def _note_latents(
+        self,
+        indices: Integers,
+        given: PlantModel | None,
+        drawn: Drawn,
+        cores: LaneCores,
+        fresh: Lanes,
+    ) -> None:
+        """Take the latent parameters of lanes that begin."""
+        model = self._nominal if given is None else given
+        count = len(indices)
+        own = np.tile(latent_values(model), (count, 1))
+        core = model.hysteresis
+        numbers = len(core_values(core))
+        if given is None and core.drawn_as_packed:
+            own[:, :numbers] = fresh.p[0, :numbers, :count].T
+        elif given is None:
+            own[:, :numbers] = [core_values(cores[lane]) for lane in range(count)]
+        if given is None:
+            wear = self._wear if len(drawn.life) else None
+            own[:, numbers:] = self._effects.all_values(drawn.levels, wear, drawn.life).T
+        if not self._latent.shape[1]:
+            self._latent = np.zeros((self._lane_count, own.shape[1]))
+        self._latent[indices] = own
+
+    def release(self, indices: Integers) -> None:
+        """Let lanes go on without an episode, so that none of theirs ends."""
+        width = self._lanes.state.shape[2]
+        self._lanes.numbers[indices // width, BEGUN, indices % width] = NEVER
+        note_begun(self.step, indices, self._lanes, self._max_steps, 0)
+        self._references.release(indices)
+        self.next_end = int(self._lanes.ending.min())
+
+    def advance(self, actions: Array, base_V: Array) -> Shown:
+        """Take one step of the first lanes, as many as there are actions."""
         self.step += 1
         if self.step >= self._references.due:
             self._references.extend(self.step, self._lanes)
-        lanes = self._lane_count
+        if self._glides is not None and self.step >= self._glides.due:
+            self._glides.change(self.step, self._lanes, self._latent)
+        lanes = len(actions)
         out = Shown(
-            room(lanes * self._layout.size, np.float32),
+            room(lanes * self._single.history.size, np.float32),
             np.empty(lanes),
             np.zeros(lanes, dtype=bool),
-            np.empty((5, lanes)),
+            np.empty((self.info_rows, lanes)),
         )
-        blocks = len(self._lanes.state)
+        blocks = -(-lanes // self._lanes.state.shape[2])
         run = advance_parallel if self.threads > 1 else advance
         # Flat: a call that hands named tuples over takes twice as long to find its kernel.
         fields = (*self._lanes, *self._sources, *out, *self._law)
@@ -267,7 +340,10 @@ class VectorTask:
             self._references.ahead_um,
             self._noise.tables,
             self._noise.rngs,
+            self._noise.states,
+            self._noise.law,
             self._encoder,
+            self._now,
         )
 
     def _take_plant(self, column: Column) -> None:
@@ -295,6 +371,181 @@ class VectorTask:
             noise_um=float(model.sensor.noise_um),
             resolution_um=float(model.sensor.resolution_um),
         )
+
+
+class VectorTask:
+    """B lanes of what one environment does, without the rules of autoreset.
+
+    Lanes of one nominal plant are one group. Of several nominal plants, one of which each episode
+    draws, every one has a group of its own: a lane has a slot in the group of the plant that it drew.
+    """
+
+    def __init__(
+        self, single: PiezoTrackingEnv, lanes: int, max_steps: int | None, threads: int | None
+    ) -> None:
+        self._single, self._lane_count = single, lanes
+        self._nominals = single.truths.law.nominals
+        self._groups = [
+            LaneGroup(single, nominal, lanes, max_steps, threads) for nominal in self._nominals
+        ]
+        self._slots = Slots(lanes, len(self._groups))
+        self._correction: Correction | None = None
+        if single.baseline is not None:
+            self._correction = Correction(single.baseline, single.belief, single.layout, lanes)
+        self._begins = np.ones(lanes, dtype=bool)
+        self._generators: Words = np.zeros((lanes, 4), dtype=np.uint64)
+
+    @property
+    def threads(self) -> int:
+        """Number of threads that share a step."""
+        return self._groups[0].threads
+
+    @property
+    def step(self) -> int:
+        """Steps so far."""
+        return self._groups[0].step
+
+    @property
+    def next_end(self) -> int:
+        """First step at which an episode ends."""
+        return min(group.next_end for group in self._groups)
+
+    @property
+    def info_rows(self) -> int:
+        """Number of quantities that are reported beside observation and reward."""
+        return self._groups[0].info_rows
+
+    def observations(self) -> Floats32:
+        """Return the last observations without history, a fresh float32[B, D]."""
+        return self._slots.gathered([group.observations() for group in self._groups])
+
+    def stacked(self) -> Floats32:
+        """Return the last observations with their history, a fresh float32[B, D + F H]."""
+        return self._slots.gathered([group.stacked() for group in self._groups])
+
+    def seed(self, indices: Integers, seeds: Words) -> None:
+        """Begin the generators of some lanes anew, as ``numpy.random.default_rng(seed)``."""
+        seed_generators(seeds, indices, self._generators)
+
+    def begin(self, indices: Integers, options: Mapping[str, Any]) -> tuple[Floats32, Array]:
+        """Begin episodes in some lanes."""
+        single, count = self._single, len(indices)
+        given = single.truths.given(options, single.layout)
+        seeds = np.empty((count, 4), dtype=np.uint64)
+        draw_seeds(self._generators, indices, len(self._groups), seeds)
+        kinds = seeds[:, 3].astype(np.int64)
+        if given is not None:
+            kinds[:] = single.truths.law.kind_of(given)
+        for kind, slots in self._slots.released(indices):
+            self._groups[kind].release(slots)
+        observation = room(count * single.history.size, np.float32).reshape(count, -1)
+        info = np.empty((self.info_rows, count))
+        for kind, group in enumerate(self._groups):
+            own = np.flatnonzero(kinds == kind)
+            if len(own):
+                slots = self._slots.taken(kind, indices[own])
+                observation[own], info[:, own] = group.begin(slots, seeds[own], given, options)
+        self._begins[indices] = True
+        if self._correction is not None and self._correction.plans:
+            references = {
+                lane: self._groups[kind].reference_um(slot)
+                for lane, kind, slot in self._slots.places(indices)
+            }
+            shown = observation[:, : single.layout.size]
+            self._correction.plan(indices, references, shown)
+        return observation, info
+
+    def advance(self, actions: Array) -> Shown:
+        """Take one step of all lanes."""
+        base_V = np.empty(0)
+        if self._correction is not None:
+            self._correction.observe(self.observations(), self._begins)
+            base_V = self._correction.commands_V
+        self._begins[:] = False
+        if len(self._groups) == 1:
+            return self._groups[0].advance(actions, base_V)
+        lanes = self._lane_count
+        out = Shown(
+            room(lanes * self._single.history.size, np.float32),
+            np.empty(lanes),
+            np.empty(lanes, dtype=bool),
+            np.empty((self.info_rows, lanes)),
+        )
+        for kind, group in enumerate(self._groups):
+            own = self._slots.lanes_of(kind)
+            base = base_V[own] if len(base_V) else base_V
+            spread(own, group.advance(actions[own], base), out)
+        return out
+
+    def latents(self) -> Array:
+        """Return the latent parameters of every lane's plant as it is now, a fresh float64[B, K]."""
+        parts = [
+            in_place(group.latents, kind, self._nominals)
+            for kind, group in enumerate(self._groups)
+            if group.latents.shape[1]
+        ]
+        kinds = [kind for kind, group in enumerate(self._groups) if group.latents.shape[1]]
+        found = np.zeros((self._lane_count, len(self._single.latents)))
+        for kind, part in zip(kinds, parts, strict=True):
+            self._slots.gather(kind, part, found)
+        return found
+
+
+class Slots:
+    """Places of lanes in groups of plants: with one group, each lane's own number."""
+
+    def __init__(self, lanes: int, groups: int) -> None:
+        self._only = groups == 1
+        self._kind: Integers = np.full(lanes, 0 if self._only else -1)
+        self._slot: Integers = np.arange(lanes)
+        # Of each group the lane in each slot, -1: none.
+        self._lane: list[Integers] = [np.full(lanes, -1) for _ in range(groups)]
+
+    def released(self, lanes: Integers) -> list[tuple[int, Integers]]:
+        """Free the slots of some lanes; return those of each group that had any."""
+        if self._only:
+            return []
+        found = []
+        for kind, lane_of in enumerate(self._lane):
+            slots = self._slot[lanes[self._kind[lanes] == kind]]
+            if len(slots):
+                lane_of[slots] = -1
+                found.append((kind, slots))
+        return found
+
+    def taken(self, kind: int, lanes: Integers) -> Integers:
+        """Give some lanes the lowest free slots of a group."""
+        if self._only:
+            return lanes
+        slots = np.flatnonzero(self._lane[kind] < 0)[: len(lanes)]
+        self._lane[kind][slots] = lanes
+        self._kind[lanes], self._slot[lanes] = kind, slots
+        return slots
+
+    def lanes_of(self, kind: int) -> Integers:
+        """Return the lane of each slot of a group up to the last that is taken; of a free one lane -1."""
+        lane_of = self._lane[kind]
+        used = np.flatnonzero(lane_of >= 0)
+        return lane_of[: used[-1] + 1 if len(used) else 0]
+
+    def places(self, lanes: Integers) -> list[tuple[int, int, int]]:
+        """Return lane, group and slot of some lanes."""
+        parts = lanes, self._kind[lanes], self._slot[lanes]
+        return list(zip(*(part.tolist() for part in parts), strict=True))
+
+    def gathered(self, rows: Sequence[Floats32]) -> Floats32:
+        """Return rows of all groups' slots in the order of the lanes."""
+        if self._only:
+            return rows[0]
+        found = np.empty_like(rows[0])
+        for kind, each in enumerate(rows):
+            self.gather(kind, each, found)
+        return found
+
+    def gather(self, kind: int, rows: Array | Floats32, found: Array | Floats32) -> None:
+        """Put rows of a group's slots in the places of its lanes."""
+        own = self._kind == kind
+        found[own] = rows[self._slot[own]]
 
 
 # Phase of a sample (rad) up to which sines are had by formula: far more than samples can show.
@@ -406,6 +657,11 @@ class References:
         for lane, (signal, samples_um) in zip(indices[sampled].tolist(), made, strict=True):
             self._signals[lane], self.tables_um[lane] = signal, samples_um
             self._due[lane] = step + self._covered
+        self.due = int(self._due.min())
+
+    def release(self, indices: Integers) -> None:
+        """Need no samples of some lanes any more."""
+        self._due[indices] = NEVER
         self.due = int(self._due.min())
 
     @property

@@ -20,35 +20,8 @@ from rdpi_gym.envs.vector.lanes import (
     table_row,
 )
 from rdpi_gym.envs.vector.random import next_uniform, seed_generator
+from rdpi_gym.envs.vector.sines import sines
 from rdpi_gym.support.arrays import Array
-
-# π in parts of 24 bits: whole multiples of the first two are exact.
-_PI_A = float(np.float32(np.pi))
-_PI_B = float(np.float32(np.pi - _PI_A))
-_PI_C = (np.pi - _PI_A - _PI_B) + 1.2246467991473532e-16
-_TAYLOR = tuple((-1.0) ** k / float(np.prod(np.arange(1.0, 2 * k + 2))) for k in range(10))
-
-
-@njit(cache=True, fastmath={"contract"})
-def sines(x: Array) -> None:
-    """Replace x by sin x, within two units in the last place; the loop runs on vector units."""
-    for b in range(len(x)):
-        half_turns = np.rint(x[b] * (1.0 / np.pi))
-        r = x[b] - half_turns * _PI_A
-        r -= half_turns * _PI_B
-        r -= half_turns * _PI_C
-        s = r * r
-        total = _TAYLOR[9]
-        total = total * s + _TAYLOR[8]
-        total = total * s + _TAYLOR[7]
-        total = total * s + _TAYLOR[6]
-        total = total * s + _TAYLOR[5]
-        total = total * s + _TAYLOR[4]
-        total = total * s + _TAYLOR[3]
-        total = total * s + _TAYLOR[2]
-        total = total * s + _TAYLOR[1]
-        odd = 0.5 * half_turns - np.floor(0.5 * half_turns)  # 0 or 1/2
-        x[b] = (r + r * s * total) * (1.0 - 4.0 * odd)
 
 
 @njit(cache=True)
@@ -110,6 +83,8 @@ class Drawn(NamedTuple):
     position: Array  # float64[m]: between the lowest and the highest frequency
     signal_seed: Integers  # int64[m]
     noise_seed: Words  # uint64[m]
+    life: Array  # float64[m]: share of it that a plant has lived; empty without ageing
+    change: Array  # float64[m, 2]: first sample, in steps, and place of the fraction; empty without
 
 
 # Columns of a wave. In one that may be drawn NaN stands for what each episode draws.

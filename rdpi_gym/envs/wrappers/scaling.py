@@ -21,6 +21,7 @@ from rdpi_gym.envs.wrappers.history import (
     VectorHistoryObservation,
     layout_of,
     map_final,
+    one_of,
 )
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
@@ -192,4 +193,5 @@ def _history_of(env: Any) -> History:
         if isinstance(env, HistoryObservation | VectorHistoryObservation):
             return env.history
         env = env.env
-    return History(layout_of(env), 0)
+    own: History | None = getattr(one_of(env), "history", None)
+    return History(layout_of(env), 0) if own is None else own

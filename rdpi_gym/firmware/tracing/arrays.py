@@ -13,6 +13,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -30,6 +31,7 @@ from rdpi_gym.firmware.program import (
     literal,
     words,
 )
+from rdpi_gym.firmware.tracing.naming import wish
 from rdpi_gym.firmware.tracing.tape import Tape, placed
 from rdpi_gym.support.errors import InputError
 
@@ -113,10 +115,24 @@ class Recording:
         self.tape, self.tables, self.library = tape, tables, library
         self.mathematics: set[str] = set()
         self.inexact: dict[str, None] = {}
+        self._wished: str | None = None
+
+    def fresh(self) -> str:
+        """Return the name of a new variable, which says what it is for."""
+        return self.tape.fresh(wish() if self._wished is None else self._wished)
+
+    @contextmanager
+    def wishing(self, name: str) -> Iterator[None]:
+        """Call new variables so for a while."""
+        before, self._wished = self._wished, name
+        try:
+            yield
+        finally:
+            self._wished = before
 
     def local(self, kind: Kind, size: int) -> str:
         """Declare a variable of so many elements, and return its name."""
-        name = self.tape.fresh()
+        name = self.fresh()
         if size == 1:
             zero = "RDPI_C(0.0)" if kind == "real" else "0"
             self.tape.write(f"{C_TYPES[kind]} {name} = {zero};", declares=name)
@@ -138,7 +154,7 @@ class Recording:
         keeps: bool = False,
     ) -> Traced:
         """Return a new number of one expression, in a shape of one element."""
-        name = self.tape.fresh()
+        name = self.fresh()
         self.tape.write(f"{C_TYPES[kind]} {name} = {text};", name, (name, *writes), keeps)
         return Traced(Store(self, name, 1, kind), np.zeros(shape, dtype=np.int64))
 
@@ -219,9 +235,9 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
     ...     memory = Traced(state, np.arange(3)[:, None])
     ...     memory[1:] += 2.0 * np.abs(memory[0])
     >>> print("\n".join(lines(recorded(run))))
-    rdpi_real t0 = RDPI_C(2.0) * rdpi_abs(m->state[0]);
+    rdpi_real value = RDPI_C(2.0) * rdpi_abs(m->state[0]);
     for (int32_t i = 0; i < 2; ++i) {
-        m->state[1 + i] = m->state[1 + i] + t0;
+        m->state[1 + i] = m->state[1 + i] + value;
     }
     """
 

@@ -235,7 +235,7 @@ def _products(recording: Recording, rows: Any, columns: Any | None) -> Traced:
         assign(nothing, 0.0)
         return nothing
     if height == width == 1:
-        out = Traced(Store(recording, recording.tape.fresh(), 1), np.zeros((1, 1), dtype=np.int64))
+        out = Traced(Store(recording, recording.fresh(), 1), np.zeros((1, 1), dtype=np.int64))
     else:
         out = recording.array((height, width))
     if not _write_products(out, rows, columns):
@@ -255,7 +255,7 @@ def _write_products(out: Traced, rows: Any, columns: Any | None) -> bool:
     if read is None:
         return False
     target, *factors = read
-    total = target if out.size == 1 else recording.tape.fresh()
+    total = target if out.size == 1 else recording.fresh()
     lines = [
         f"rdpi_real {total} = RDPI_C(0.0);",
         f"for (int32_t k = 0; k < {inner}; ++k) {{",

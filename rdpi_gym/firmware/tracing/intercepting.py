@@ -32,6 +32,7 @@ from rdpi_gym.firmware.tracing.arrays import (
     known_value,
 )
 from rdpi_gym.firmware.tracing.functions import TracedTensor
+from rdpi_gym.firmware.tracing.naming import wish
 from rdpi_gym.firmware.translation.kernels import Functions
 from rdpi_gym.support.errors import InputError
 
@@ -152,7 +153,8 @@ class Recorder:
         given: dict[int, Traced] = {}
         for k, each in enumerate(arguments):
             if isinstance(each, Traced):
-                given[k] = each if each.is_dense or not each.ndim else copy_of(each)
+                with recording.wishing(wish(k, self._kernel.py_func.__code__.co_varnames[k])):
+                    given[k] = each if each.is_dense or not each.ndim else copy_of(each)
                 values.append(given[k].value())
             else:
                 values.append(known_value(each, recording.tables))

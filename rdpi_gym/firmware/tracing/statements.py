@@ -8,10 +8,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from rdpi_gym.firmware.tracing.naming import chosen, identifier
 from rdpi_gym.firmware.translation.arithmetic import bare
 
-LOCAL = re.compile(r"\bt\d+\b")
-"""Names of local variables in the text of C."""
+_NAME = r"t\d+(?:__\w+)?"
+LOCAL = re.compile(rf"\b{_NAME}\b")
+"""Names of local variables in the text of C while it is made: a number, and what they are wished to be called."""
 # Longest line that an expression is moved into.
 _LINE = 110
 # Fewest repetitions that become a loop, and the longest piece that is looked for.
@@ -87,9 +89,21 @@ def text_of(items: Sequence[Item]) -> str:
     return "\n".join(lines(items))
 
 
+def local(number: int, wished: str) -> str:
+    """Return the name of a variable while code is made."""
+    name = identifier(wished)
+    return f"t{number}__{name}" if name else f"t{number}"
+
+
+def forked(name: str, own: str) -> str:
+    """Return the name of a variable on the other side of a fork."""
+    number, *wished = name.split("__")
+    return "__".join([f"{number}9{own}", *wished])
+
+
 def declared(items: Sequence[Item]) -> set[str]:
     """Return the variables that code declares."""
-    return set(re.findall(r"\b(?:rdpi_real|int32_t) (t\d+)\b", text_of(items)))
+    return set(re.findall(rf"\b(?:rdpi_real|int32_t) ({_NAME})\b", text_of(items)))
 
 
 def renamed(items: Sequence[Item], names: Mapping[str, str]) -> _Block:
@@ -117,8 +131,10 @@ def simplified(items: _Block) -> _Block:
     rolled = _rolled(_living(items))
     joined = _joined(rolled, _uses(text_of(rolled)))
     moved = _inlined(joined, _uses(text_of(joined)))
-    found = dict.fromkeys(LOCAL.findall(text_of(moved)))
-    return renamed(moved, {name: f"t{k}" for k, name in enumerate(found)})
+    text = text_of(moved)
+    wishes = {name: name.partition("__")[2] for name in LOCAL.findall(text)}
+    used = re.findall(r"\b[A-Za-z_]\w*", LOCAL.sub("", text))
+    return renamed(moved, chosen(wishes, used))
 
 
 def _uses(text: str) -> _Uses:
@@ -197,7 +213,7 @@ def _piece(items: _Block) -> str:
 _LOOP = re.compile(r"for \(int32_t i = 0; i < (\d+); \+\+i\) \{\n((?:    [^\n]*;\n)+)\}")
 _SET_ELEMENT = re.compile(r"    ([\w>.-]+)\[([^\]]+)\] = (.*);")
 _ELEMENT = re.compile(r"([A-Za-z][\w>.-]*)\[([^\]]+)\]")
-_ARRAY = re.compile(r"(rdpi_real|int32_t) (t\d+)\[\d+\];")
+_ARRAY = re.compile(rf"(rdpi_real|int32_t) ({_NAME})\[\d+\];")
 
 
 def _joined(items: _Block, uses: _Uses) -> _Block:
@@ -300,8 +316,8 @@ def _only_element(name: str, body: str) -> str | None:
 
 # Expressions moved into the one statement that reads them.
 
-_SET = re.compile(r"(t\d+) = [^\n]*;")
-_SCALAR = re.compile(r"(?:rdpi_real|int32_t) (t\d+) = (.*);", re.DOTALL)
+_SET = re.compile(rf"({_NAME}) = [^\n]*;")
+_SCALAR = re.compile(rf"(?:rdpi_real|int32_t) ({_NAME}) = (.*);", re.DOTALL)
 
 
 def _inlined(items: _Block, uses: _Uses, longest: int = _LINE) -> _Block:
@@ -339,7 +355,7 @@ def _merged(before: Item, item: Item, uses: _Uses, longest: int) -> Item | None:
     if "\n" in into or re.search(rf"&{name}\b", into):
         return None
     text = _put(into, name, expression)
-    return replace(item, text=text) if len(text) <= longest else None
+    return replace(item, text=text) if len(LOCAL.sub("t00", text)) <= longest else None
 
 
 def _within(expression: str) -> str:

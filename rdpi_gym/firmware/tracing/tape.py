@@ -14,6 +14,8 @@ from rdpi_gym.firmware.tracing.statements import (
     Item,
     Statement,
     declared,
+    forked,
+    local,
     renamed,
     simplified,
     text_of,
@@ -38,9 +40,9 @@ class Tape:
         self._known: dict[str, bool] = {}
         self.events: list[Statement | _Decision] = []
 
-    def fresh(self) -> str:
-        """Return a name that no variable has."""
-        return f"t{next(self._count)}"
+    def fresh(self, wished: str = "") -> str:
+        """Return a name that no variable has, which holds what it is wished to be called."""
+        return local(next(self._count), wished)
 
     def write(
         self, text: str, declares: str = "", writes: Sequence[str] = (), keeps: bool = False
@@ -124,7 +126,7 @@ def _grown(
     otherwise = _grown(run, (*answers, False), behind, ends, copies)
     # both runs count their variables alike: those of one side get names of their own
     own = f"{next(copies)}".zfill(3)
-    otherwise = renamed(otherwise, {name: f"{name}9{own}" for name in declared(otherwise)})
+    otherwise = renamed(otherwise, {name: forked(name, own) for name in declared(otherwise)})
     shared = _shared_end(then, otherwise)
     at = len(then) - shared
     then, end, otherwise = then[:at], then[at:], otherwise[: len(otherwise) - shared]

@@ -57,6 +57,13 @@ class Entry(Number):
     value: float = 0.0
 
 
+@dataclass(frozen=True)
+class Constant(Known):
+    """A known argument of a kernel: the text has its name where it stands itself."""
+
+    name: str = ""
+
+
 Scalar = Known | Number
 
 
@@ -92,6 +99,8 @@ def text_of(value: Scalar, kind: Kind) -> str:
         number = value.value
         if not isinstance(number, bool | int | float):
             raise InputError(f"{number!r} is no number")
+        if isinstance(value, Constant) and kind == "real":
+            return value.name
         return literal(float(number)) if kind == "real" else str(int(number))
     if kind == value.kind or {kind, value.kind} <= {"int", "bool"}:
         return value.text
@@ -139,7 +148,8 @@ class Arithmetic:
             if below not in (0.0, math.inf, -math.inf) and not math.isnan(below):
                 if math.frexp(below)[0] in (0.5, -0.5):  # a power of two: the product is exact
                     return Number(f"({above} * {literal(1.0 / below)})")
-                return Number(f"RDPI_OVER({bare(above)}, {literal(below)})")
+                shown = right.name if isinstance(right, Constant) else literal(below)
+                return Number(f"RDPI_OVER({bare(above)}, {shown})")
         return Number(f"({above} / {text_of(right, 'real')})")
 
     def _whole(self, name: str, left: Scalar, right: Scalar, kind: Kind) -> Scalar:

@@ -14,6 +14,7 @@ from typing import Any
 from rdpi_gym.firmware.program import C_TYPES, Block, Kind, Known, Number, Value, literal
 from rdpi_gym.firmware.translation.arithmetic import (
     Arithmetic,
+    Constant,
     Entry,
     Scalar,
     bare,
@@ -120,8 +121,10 @@ class Functions:
         if kernel.targetoptions.get("fastmath"):
             self.inexact.add("Python sums over vectors of plays, in another order")
         kinds: dict[str, Kind] = {}
+        name = self._unique(source.name)
+        shown = _with_names(name, source.parameters, values)
         for _ in range(_TRIES):
-            body = Body(self, source, values, kinds)
+            body = Body(self, source, shown, kinds)
             try:
                 body.translate()
                 break
@@ -129,7 +132,6 @@ class Functions:
                 kinds[found.name] = found.kind
         else:
             raise InputError(f"{source.place} changes the types of its variables too often")
-        name = self._unique(source.name)
         passed, parameters, writes = [], [], set()
         for k, (parameter, value) in enumerate(zip(source.parameters, values, strict=True)):
             if not body.uses(parameter):
@@ -150,7 +152,12 @@ class Functions:
         text = "\n".join(
             [f"static {head} {name}({', '.join(parameters) or 'void'}) {{", *body.lines, "}", ""]
         )
-        self._texts.append(_with_names(text, name, source.parameters, values))
+        constants = [
+            f"#define {each.name} {literal(each.value)}\n"
+            for each in shown
+            if isinstance(each, Constant) and re.search(rf"\b{each.name}\b", text)
+        ]
+        self._texts.append("".join([*constants, text]))
         return _Function(name, tuple(passed), returns, frozenset(writes))
 
     def _unique(self, name: str) -> str:
@@ -160,18 +167,14 @@ class Functions:
         return f"{base}_{count + 1}" if count else base
 
 
-def _with_names(text: str, name: str, parameters: Sequence[str], values: Sequence[Value]) -> str:
-    """Return a function whose known arguments stand in it by name, as constants above it."""
-    constants = []
-    for parameter, value in zip(parameters, values, strict=True):
+def _with_names(name: str, parameters: Sequence[str], values: Sequence[Value]) -> list[Value]:
+    """Return arguments, of which those that are known and say little as a number have a name."""
+    named = list(values)
+    for k, (parameter, value) in enumerate(zip(parameters, values, strict=True)):
         number = value.value if isinstance(value, Known) else None
-        if not isinstance(number, float) or not math.isfinite(number) or number in _PLAIN:
-            continue
-        constant, shown = f"{name}_{parameter}".upper(), literal(number)
-        if shown in text:
-            text = text.replace(shown, constant)
-            constants.append(f"#define {constant} {shown}\n")
-    return "".join([*constants, text])
+        if isinstance(number, float) and math.isfinite(number) and number not in _PLAIN:
+            named[k] = Constant(number, f"{name}_{parameter}".upper())
+    return named
 
 
 def _filled(kernel: Any, arguments: Sequence[Value]) -> list[Value]:

@@ -34,8 +34,8 @@ function left({by_record_um: by, ...errors}) {
   const {noise_um: noise, records} = store.server;
   const held = records.filter(({role}) => role === "validation").map(({name}) => name).filter((name) => name in by);
   const [worst] = (held.length ? held : Object.keys(by)).sort((a, b) => by[b] - by[a]);
-  return `${withUnit(judged(errors), y)} is left on records held out` + (noise ? `, ${number(judged(errors) / noise, 2)} times the noise` : "") +
-    (worst ? `; most on ${worst} (${withUnit(by[worst], y)}).` : ".");
+  return `Validation error ${withUnit(judged(errors), y)}` + (noise ? `, ${number(judged(errors) / noise, 2)} times the noise` : "") +
+    (worst ? `; largest on ${worst} (${withUnit(by[worst], y)}).` : ".");
 }
 
 /** What is taken home is a model: without one there is nothing behind the links. */

@@ -275,6 +275,18 @@ class Core(ABC):
     def coefficients(self) -> list[float]:
         """Return what the kernel reads of the parameters."""
 
+    def scaled_coefficients(self, factors: Array) -> Array:
+        """Return the :meth:`coefficients` of m cores as :meth:`scaled` makes them, a column a core.
+
+        One core after the other, unless a kind has a form for all of them.
+
+        Parameters
+        ----------
+        factors : float64[m, K]
+            As of :meth:`scaled`, a row a core.
+        """
+        return np.array([self.scaled(each).coefficients() for each in factors]).T
+
     @abstractmethod
     def settled(self, turns_V: Sequence[float]) -> Array:
         """Return the memory after a slow walk from rest through commands (V), ``float64[n]``."""

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
 from inspect import get_annotations
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
@@ -153,6 +154,9 @@ class Effect(ABC):
     clocked
         Row 0 of its state counts the samples since t = 0, so a stage that begins at the time t
         starts from t / Ts there; False unless stated.
+    carried
+        Parameters by which a row of its state is scaled, with that row: it holds a quantity times one
+        over the parameter, which stays where the parameter changes on the way; none unless stated.
     weighs_plays
         It runs plays of its own with the weights of the plant's core, so a fit that steps one of
         them steps it there too; False unless stated.
@@ -195,6 +199,7 @@ class Effect(ABC):
     picture: ClassVar[Picture | None] = None
     kinked: ClassVar[str | None] = None
     clocked: ClassVar[bool] = False
+    carried: ClassVar[Mapping[str, int]] = MappingProxyType({})
     weighs_plays: ClassVar[bool] = False
     on_request: ClassVar[bool] = False
 
@@ -326,6 +331,24 @@ class Effect(ABC):
         return cls(**{k: min(max(v, limits[k][0]), limits[k][1]) for k, v in values.items()})
 
     @classmethod
+    def bounded(cls, values: Mapping[str, Array]) -> dict[str, Array]:
+        """Return values of many plants, each moved to the nearest that is physical."""
+        limits = {p.name: (p.low, p.high) for p in cls.parameters}
+        return {name: np.clip(each, *limits[name]) for name, each in values.items()}
+
+    @classmethod
+    def columns(cls, values: Mapping[str, Array], ts_s: float) -> Array:
+        """Return :meth:`coefficients` of m plants at values ``(m,)``, a column a plant.
+
+        By default one plant after the other; an effect that does not read the core may have a form
+        for all of them.
+        """
+        count = len(next(iter(values.values())))
+        bare: Any = None
+        made = [cls(**{k: float(v[i]) for k, v in values.items()}) for i in range(count)]
+        return np.array([effect.coefficients(ts_s, bare) for effect in made]).T
+
+    @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Return where a fit to data of a size begins, one for each optimum that it may fall into.
 
@@ -391,7 +414,7 @@ class Effect(ABC):
         """Whether the effect is without consequence on data of this size; False by default."""
         return False
 
-    def carry(self, state: Array, before: Effect) -> None:  # noqa: B027  # most have nothing to do
+    def carry(self, state: Array, before: Effect) -> None:
         """Make what another of the same form remembers, ``float64[S]``, the memory of this one.
 
         By default it stays: displacements, and whatever does not go by the parameters.
@@ -403,6 +426,16 @@ class Effect(ABC):
         before
             The effect with the parameters that it had.
         """
+        for name, row in self.carried.items():
+            state[row] *= before.values[name] / getattr(self, name)
+
+    @classmethod
+    def carry_columns(
+        cls, state: Array, before: Mapping[str, Array], after: Mapping[str, Array]
+    ) -> None:
+        """Do as :meth:`carry` for many plants, ``float64[S, m]``, from their values to others."""
+        for name, row in cls.carried.items():
+            state[row] *= before[name] / after[name]
 
     def sampled_at(self, ts_s: float) -> Effect:
         """Return what it is on records of one sampling time (s): the same on any, by default."""

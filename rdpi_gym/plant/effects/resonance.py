@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Picture, parameter, rows
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
-from rdpi_gym.support.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,7 @@ class Resonance(Effect):
     )
     block = staticmethod(linear_block)
     state_rows = rows(3)  # last input, displacement, velocity
+    carried: ClassVar[Mapping[str, int]] = {"f0_hz": 2}
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -82,10 +83,6 @@ class Resonance(Effect):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
         return pack_modes([(1.0, self.f0_hz, self.damping)], 0.0, ts_s)
-
-    def carry(self, state: Array, before: Effect) -> None:
-        """The velocity stays, so its share of ω0 changes."""
-        state[2] *= before.values["f0_hz"] / self.f0_hz
 
 
 @dataclass(frozen=True)
@@ -121,6 +118,7 @@ class ResonanceWithZero(Extension, of=Resonance):
     )
     block = staticmethod(linear_block)
     state_rows = rows(3)  # last input, displacement, velocity
+    carried: ClassVar[Mapping[str, int]] = {"f0_hz": 2}
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -133,10 +131,6 @@ class ResonanceWithZero(Extension, of=Resonance):
         """One mode and a feedthrough."""
         share = self.static_share
         return pack_modes([(1.0 - share, self.f0_hz, self.damping)], share, ts_s)
-
-    def carry(self, state: Array, before: Effect) -> None:
-        """The velocity stays, so its share of ω0 changes."""
-        state[2] *= before.values["f0_hz"] / self.f0_hz
 
 
 @dataclass(frozen=True)
@@ -176,6 +170,7 @@ class TwoModes(Extension, of=Resonance):
     )
     block = staticmethod(linear_block)
     state_rows = rows(5)  # last input, displacement and velocity of each mode
+    carried: ClassVar[Mapping[str, int]] = {"f0_hz": 2, "second_hz": 4}
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -194,8 +189,3 @@ class TwoModes(Extension, of=Resonance):
         share = self.second_share
         first = (1.0 - share, self.f0_hz, self.damping)
         return pack_modes([first, (share, self.second_hz, self.second_damping)], 0.0, ts_s)
-
-    def carry(self, state: Array, before: Effect) -> None:
-        """The velocities stay, so their shares of ω1 and ω2 change."""
-        state[2] *= before.values["f0_hz"] / self.f0_hz
-        state[4] *= before.values["second_hz"] / self.second_hz

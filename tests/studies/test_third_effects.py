@@ -1,0 +1,129 @@
+"""Third study of the search: its base plant is the package's, its draws are pure and show what they hide."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.effect_discovery.foreign import KINDS as FOREIGN_FAULTS
+from benchmarks.effect_discovery.forms import FORMS as FOREIGN_FORMS
+from benchmarks.effect_discovery.protocols import PROTOCOLS as FOREIGN_PROTOCOLS
+from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE
+from studies.third_effects.__main__ import judge_row, main, stored_digests
+from studies.third_effects.draws import NUMBERS, digest, make_cases, prepare
+from studies.third_effects.faults import EXCUSED, FAULTS
+from studies.third_effects.forms import EFFECTS, FORMS
+from studies.third_effects.physics import filtered, slip_sums
+from studies.third_effects.plants import KINDS, OUTSIDE, BaseModel, Bench, draw_elements
+from studies.third_effects.protocols import PROTOCOLS, Drive, Experiment, held
+from tests.looping import over
+
+CASES = {case.key: case for case in make_cases()}
+
+
+def first(study, subject=None):
+    return next(
+        c for c in CASES.values() if c.study == study and (subject is None or c.subject == subject)
+    )
+
+
+@over("words", [["--part", "1/2"], ["--plants", "3"], ["--jobs", "0"]])
+def test_it_is_run_on_all_cases_or_on_none(words, capsys):
+    assert main(words) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_nothing_that_it_draws_is_drawn_by_another_study():
+    assert not set(PROTOCOLS) & set(FOREIGN_PROTOCOLS)
+    assert not {(f.effect, f.name) for f in FORMS} & {(f.effect, f.form) for f in FOREIGN_FORMS}
+    assert not set(FAULTS) & set(FOREIGN_FAULTS)
+    assert set(EFFECTS) == set(CATALOGUE)
+    assert set(EXCUSED) <= set(FAULTS)
+    assert set(sum(KINDS.values(), ())) <= set(CORES)
+
+
+def test_every_stratum_has_its_cases_and_every_subject_its_turn():
+    assert len(CASES) == sum(NUMBERS.values()) == 300
+    for study, subjects in {
+        "single": [(name,) for name in EFFECTS],
+        "outside": [(name,) for name in OUTSIDE],
+        "kind": [(name,) for name in KINDS],
+        "fault": [(name,) for name in FAULTS],
+    }.items():
+        assert {c.subject for c in CASES.values() if c.study == study} == set(subjects)
+
+
+def test_the_checksums_of_all_cases_are_committed():
+    stored = stored_digests()
+    assert set(stored) == set(CASES)
+
+
+def bench(u, delta2_s=0.0, parts=8):
+    drive = Drive("run", "train", 1e-3, parts, held(u, parts), True)
+    experiment = Experiment("", (drive,), 0.0, 20.0)
+    plant = draw_elements(experiment, np.random.default_rng(3), False)
+    return Bench(plant, experiment)
+
+
+def test_the_plant_without_effects_is_the_package_s():
+    u = np.repeat(np.random.default_rng(0).uniform(-20.0, 20.0, 60), 20)
+    one = bench(u)
+    p = one.plant
+    gains = (p.gain_um_V - p.weights.sum(), *p.weights)
+    model = PlantModel(RDPI(gains, tuple(p.yields_V), 0.0), "same", (-30.0, 30.0), (0.0, 30.0))
+    (y,) = one.displacements()
+    np.testing.assert_allclose(y, Plant(model, 1e-3).simulate(u), atol=1e-9 * p.stroke_um)
+    # a refit of the base model takes all of it up
+    assert BaseModel(one).left_um([y]) < 2e-3 * p.stroke_um
+
+
+def test_wider_elements_yield_later_and_a_filter_is_its_differential_equation():
+    u = np.linspace(0.0, 5.0, 501)
+    still, wide = (
+        slip_sums(u, np.full(u.size, w), np.array([1.0]), np.ones((1, 1)), np.zeros(0))[-1, 0]
+        for w in (0.0, 0.5)
+    )
+    assert (still, wide) == (pytest.approx(4.0), pytest.approx(3.5))
+    t = np.arange(2000) * 1e-3
+    np.testing.assert_allclose(
+        filtered(t, [1.0], [0.2, 1.0], 1e-3), t - 0.2 * (1.0 - np.exp(-t / 0.2)), atol=1e-9
+    )
+
+
+@over("study", list(NUMBERS))
+def test_a_case_is_drawn_as_its_committed_checksum_says(study):
+    case = first(study)
+    once = prepare(case)
+    assert digest(once.dataset) == stored_digests()[case.key]
+    truth = json.loads(json.dumps(once.truth, allow_nan=False))
+    assert all(floors >= 3.0 for floors in truth["floors"].values())
+    assert truth["sampling_um"] >= 0.0
+    for s in once.records:
+        assert np.isfinite(s.record.y_um).all()
+        assert s.record.u_V.size == s.clean_um.size
+
+
+def test_what_is_hidden_is_in_the_records():
+    case = first("double")
+    made = prepare(case)
+    noise = np.concatenate([(s.record.y_um - s.clean_um) for s in made.records])
+    assert np.std(noise) == pytest.approx(made.truth["noise_um"], rel=0.15)
+    assert {h["effect"] for h in made.truth["hidden"]} == set(case.subject)
+
+
+def test_a_wrong_name_counts_by_its_probability_and_a_kind_among_its_alike():
+    truth = {
+        "noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "outside": {}, "degraded": "", "protocol": "",
+        "hidden": [{"effect": "creep", "form": ""}], "excused": ["delay"], "alike": {"creep": []}, "kinds": ["dahl"],
+    }  # fmt: skip
+    row = {
+        "key": "", "code": "", "study": "kind", "subject": ["dahl"], "number": 0, "seed": 0, "status": "done",
+        "noise_um": 0.01, "validation_um": 0.01, "seconds": 1.0, "verdict": "explained", "truth": truth,
+        "ranking": [{"effect": "creep"}], "steps": [{"effect": "creep"}],
+        "true_left": {"clean_um": 0.0, "by_input_um": 0.0}, "core": {"kind": "stop", "alike": ["dahl"]},
+        "probabilities": {"effects": {"creep": 0.99, "delay": 0.95, "backlash": 0.6}, "other": 0.1},
+    }  # fmt: skip
+    judged = judge_row(row)
+    assert (judged["kind_right"], judged["first_exact"], judged["additions"]) == (True, True, 0)
+    assert (judged["wrong_found"], judged["wrong_likely"]) == (False, True)
