@@ -10,10 +10,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from baselines.adaptive_feedforward import HALF, MOST, SPLINE
+from baselines.adaptive_feedforward import HALF, MOST, PLAYS, PRODUCTS, SPLINE
+from baselines.adaptive_feedforward import POWERS as POWERS_OF_R
 from baselines.base import Observation, Rows, product, shift_in
 from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
-from baselines.least_squares import ForgettingLeastSquares
+from baselines.least_squares import NestedLeastSquares
 from baselines.tuning import Settings
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel, named_plant, pack
@@ -40,6 +41,10 @@ INNER_SPREAD, GENERIC_SPREAD = 0.2, 0.1
 STATIC_SHARE = 0.3
 """Expected size of the corrections without dynamics, over that of ``adaptive-feedforward``: the cores
 carry most of them."""
+HYSTERETIC = slice(5, 5 + len(PLAYS) + len(PRODUCTS) + len(POWERS_OF_R))
+"""Corrections of the hysteresis by plays, products and powers, among all of ``adaptive-feedforward``."""
+NEGLIGIBLE = 1e-3
+"""Size of these in the simple model, which has the belief's own hysteresis."""
 TRIES = 3
 """Commands that are tried for one sample: each is on the chord of the two before."""
 LEAST_SLOPE, LARGEST_SLOPE = 0.3, 3.0
@@ -280,19 +285,23 @@ class BankFeedforward(CorrectedAdaptive):
 
     w = y + θ·φ[y] holds of what the hysteresis gives, w, and what is measured, y. Where w is a mixture
     H_0[u] + Σ w_c D_c[u], H_0[u] - y = θ·φ[y] - Σ w_c D_c[u]: linear in both. The D_c follow the
-    applied command, so a sample counts where the command was at its limit as well.
+    applied command, so a sample counts where the command was at its limit as well. Three models are
+    weighed by how well they predict: the belief's hysteresis behind unknown dynamics, the same with the
+    corrections of ``adaptive-feedforward``, and the mixture.
     """
 
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        spreads = self.fit.spread.copy()
-        spreads[3:] *= STATIC_SHARE
-        self.known = len(spreads)
-        self.fit = ForgettingLeastSquares(
+        believed = self.fit.spread
+        self.known = len(believed)
+        simple, mixed = believed.copy(), believed.copy()
+        simple[HYSTERETIC] *= NEGLIGIBLE
+        mixed[3:] *= STATIC_SHARE
+        self.fit = NestedLeastSquares(
             [*self.fit.prior, *[0.0] * self.bank.count],
-            [*spreads, *self.bank.spreads()],
+            [simple, believed, [*mixed, *self.bank.spreads()]],
             noise=self.settings["doubt"] * layout.scale_um,
             memory_s=self.settings["memory_s"],
             ts_s=layout.ts_s,
