@@ -12,16 +12,19 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.diagnosis.signatures import (
+    best_sparse_models,
+    library_of,
+    nearest_places,
+    signature_rows,
+)
 from benchmarks.effect_discovery.__main__ import part_of
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.foreign import FOREIGN, NUMBERS, make_cases, prepare
@@ -30,12 +33,7 @@ from benchmarks.rows import ROWS_FILE
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.ranking import in_blocks
 from rdpi_gym.diagnosis.search.refitting import State
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import first_steps, kept_samples
-from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects import CATALOGUE
-from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
-from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
@@ -45,11 +43,6 @@ from studies.calibration import calibration_error
 from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "sindy_rival"
-# Samples that enter the regression, resampled models, and the least coefficients that are tried, in
-# noise floors of what a column changes.
-_SAMPLES, _MODELS = 4000, 40
-_LEAST = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-_RIDGE = 1e-3  # of the rows
 # Share of the resampled models that a column has to be in.
 _INCLUDED = 0.5
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
@@ -87,69 +80,21 @@ def included(
     search: ModelSearch, base: State, seed: int
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return by effect the share of resampled regressions that have it, and its size there (µm rms)."""
-    scale, variant = search.setting.scale, base.fit.variant
-    library = [(name, effect) for name in CATALOGUE for effect in _places(name, scale)]
+    library = library_of(CATALOGUE, search.setting.scale)
     blocks = search.setting if search.dataset.holds_out_quarters else in_blocks(search.setting)
-    fitted, asked = (_rows(variant, library, part) for part in (blocks.train, blocks.validation))
-    size = np.sqrt(np.mean(fitted[0] ** 2, axis=0))
-    likeness = np.abs(fitted[1] @ fitted[0]) / np.maximum(size, 1e-3 * search.noise_um)
-    names = np.array([name for name, _ in library])
-    # the place of each effect that is most like what is left
-    nearest = [
-        max(np.flatnonzero(names == name), key=lambda k: float(likeness[k])) for name in CATALOGUE
-    ]
-    moving = [k for k in nearest if size[k] > 1e-3 * search.noise_um]
-    x, held = (part[0][:, moving] / size[moving] for part in (fitted, asked))
-    best: tuple[float, Array] = (float(np.mean(asked[1] ** 2)), np.zeros((1, x.shape[1])))
-    for least in _LEAST:
-        models = _ensemble(x, fitted[1], least * search.noise_um, seed)
-        left = float(np.mean((asked[1] - held @ np.median(models, axis=0)) ** 2))
-        if left < best[0]:
-            best = (left, models)
-    inside = dict(zip(names[moving].tolist(), best[1].T, strict=True))
+    fitted, asked = (
+        signature_rows(base.fit.variant, library, part)
+        for part in (blocks.train, blocks.validation)
+    )
+    moving = nearest_places(library, *fitted, 1e-3 * search.noise_um)
+    size = np.sqrt(np.mean(fitted[0] ** 2, axis=0))[moving]
+    x, held = (part[0][:, moving] / size for part in (fitted, asked))
+    models = best_sparse_models(x, fitted[1], held, asked[1], search.noise_um, seed)
+    inside = dict(zip((library[k][0] for k in moving), models.T, strict=True))
     still = np.zeros(1)
     chances = {name: float(np.mean(inside.get(name, still) != 0.0)) for name in CATALOGUE}
     sizes = {name: float(abs(np.median(inside.get(name, still)))) for name in CATALOGUE}
     return chances, sizes
-
-
-def _ensemble(x: Array, y: Array, least: float, seed: int) -> Array:
-    """Return the coefficients of regressions on resampled rows, ``[models, columns]``."""
-    from pysindy import STLSQ, EnsembleOptimizer
-
-    np.random.seed(seed)  # noqa: NPY002  PySINDy draws from it
-    sparse = STLSQ(threshold=least, alpha=_RIDGE * len(x))
-    ensemble = EnsembleOptimizer(sparse, bagging=True, n_models=_MODELS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where no column is left
-        ensemble.fit(x, y[:, None])
-    return np.array([np.ravel(model) for model in ensemble.coef_list])
-
-
-def _places(name: str, scale: DataScale) -> tuple[Effect, ...]:
-    kind = CATALOGUE[name]
-    return (*kind.starts(scale), *kind.traces(scale))
-
-
-def _rows(
-    variant: Variant[Any], library: Sequence[tuple[str, Effect]], records: Sequence[Record]
-) -> tuple[Array, Array]:
-    """Return what each effect changes in the displacement and what is left of it, beside the weights."""
-    begun = first_steps(records, variant.hysteresis, variant.effects, 0, samples=_SAMPLES)
-    columns = []
-    for record, kept in zip(records, kept_samples(records, _SAMPLES), strict=True):
-        without, own = simulate_effects([variant], record), []
-        for _, alike in groupby((effect for _, effect in library), type):
-            lanes = [
-                Variant(variant.hysteresis, in_chain_order([*variant.effects, effect]))
-                for effect in alike
-            ]
-            own.append(simulate_effects(lanes, record) - without)
-        found = np.hstack(own)[kept]
-        columns.append(found - found.mean(axis=0))
-    basis, _ = np.linalg.qr(np.concatenate(begun.columns))
-    rows, left = np.concatenate(columns), np.concatenate(begun.left_um)
-    return rows - basis @ (basis.T @ rows), left - basis @ (basis.T @ left)
 
 
 def _study(asked: Namespace) -> Files:

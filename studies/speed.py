@@ -31,6 +31,7 @@ from gymnasium.vector.utils import batch_space
 
 import rdpi_gym  # noqa: F401  # registers the environment
 from baselines.learned.options import PHASES, TrainingOptions
+from rdpi_gym.envs.tasks import TASKS, named_task
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
 from rdpi_gym.plant import CORES, P10, pack
 from rdpi_gym.plant.cores.base import Core, empty_state
@@ -122,6 +123,10 @@ CASES: dict[str, tuple[Measure, dict[str, Any]]] = {
     ),
 }
 """Measures and keywords of the vector environment."""
+TASK_CASES: dict[str, tuple[Measure, dict[str, Any]]] = {
+    task.id: (_benchmark, {"name": task.id}) for task in TASKS.values()
+}
+"""The same of the tasks, with their defaults."""
 
 
 def bare_kernel(env: PiezoTrackingVectorEnv) -> Callable[[], None]:
@@ -150,19 +155,20 @@ def vector(
     # both on one now and then, for a whole measurement.
     os.environ.setdefault("OMP_PROC_BIND", "true")
 
-    def make(name: str, **keywords: Any) -> Any:
+    def make(name: str = PIEZO, **keywords: Any) -> Any:
         mode = "vector_entry_point"
         return gym.make_vec(name, num_envs=lanes, vectorization_mode=mode, **keywords)
 
+    known = CASES | TASK_CASES
     yardstick = make(YARDSTICK)
-    envs = {(case, n): make(PIEZO, threads=n, **CASES[case][1]) for case in cases for n in threads}
+    envs = {(case, n): make(threads=n, **known[case][1]) for case in cases for n in threads}
     bare = bare_kernel(next(iter(envs.values())).unwrapped)
     for env in envs.values():
         _benchmark(env, 0, 0)  # compiled kernels are loaded before the clock runs
     found = np.empty((rounds, len(envs), 3))
     for seed in range(rounds):
         for place, ((case, _), env) in enumerate(envs.items()):
-            measure = CASES[case][0]
+            measure = known[case][0]
             # A plain Box and staggered ends are ours alone: CartPole's space and episodes are fixed.
             theirs = step_beforehand if measure is step_beforehand else _benchmark
             found[seed, place] = (
@@ -192,6 +198,37 @@ def vector(
             }
         )
     return pd.DataFrame(rows)
+
+
+def tasks(
+    rounds: int,
+    duration_s: float = 0.25,
+    lanes: int = 4096,
+    threads: Sequence[int] = (1, 2),
+    names: Sequence[str] = tuple(TASKS),
+) -> pd.DataFrame:
+    """Measure the vector environment of every task with vector CartPole, steps alone and whole episodes."""
+    cases = [TASKS[name].id for name in names]
+    table = vector(rounds, duration_s, lanes, threads, cases)
+    resets = {(case, n): _reset_s(case, lanes, n, rounds) for case in cases for n in threads}
+    keys = list(zip(table["case"], table["threads"], strict=True))
+    table["reset_ms"] = [1e3 * resets[key] for key in keys]
+    rate = 1e6 * table["million_steps_per_s"]
+    samples = np.array([named_task(case).samples for case, _ in keys])
+    episode_s = samples * lanes / rate + table["reset_ms"] / 1e3
+    table["episodes_times_cartpole"] = samples * lanes / episode_s / rate * table["times_cartpole"]
+    return table.drop(columns=["bare_kernel", "share_of_bare", "share_of_defaults"])
+
+
+def _reset_s(case: str, lanes: int, threads: int, rounds: int) -> float:
+    """Shortest time in which all lanes begin anew (s), after a first reset, which fills caches."""
+    env = gym.make_vec(case, num_envs=lanes, threads=threads)
+    times = []
+    for seed in range(rounds + 1):
+        begin = time.perf_counter()
+        env.reset(seed=seed)
+        times.append(time.perf_counter() - begin)
+    return min(times[1:])
 
 
 LANES, PERIODS = (16, 64, 256), (50, 200, 2000)
@@ -341,6 +378,17 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
     }
 
 
+def _slowest_task(table: pd.DataFrame) -> str:
+    threads = table["threads"].max()
+    rows = table[table["threads"] == threads].sort_values("times_cartpole")
+    least = rows.iloc[0]
+    faster = int((rows["times_cartpole"] >= 1.0).sum())
+    return (
+        f"On {threads} threads {faster} of {len(rows)} tasks make at least the steps of CartPole, which has one; "
+        f"{least['case']} makes {least['times_cartpole']:.2g} times as many."
+    )
+
+
 def _slowest_core(table: pd.DataFrame) -> str:
     row = table.sort_values("block_ratio").iloc[0]
     return (
@@ -386,6 +434,17 @@ PARTS: Mapping[str, Part] = {
         "and a mode, in as many groups of lanes as the native PPO's, whose episodes begin in turn. `load` is the number "
         "of processes that wanted the cores at its end, one of them this one: two threads, which wait for each other, "
         "say little beside others. Each thread is bound to a core (`OMP_PROC_BIND=true`).",
+    ),
+    "tasks": Part(
+        tasks,
+        f"Vector environments of the tasks beside {YARDSTICK}, 4096 lanes",
+        _slowest_task,
+        "The environment of each task with its defaults (references, noise, history, costs, plants drawn anew) and "
+        "CartPole's vector environment in turn in one process, 0.25 s each, by Gymnasium's `benchmark_vector_step`: random "
+        "actions over the whole range at every sample, so that half of the commands turn. Medians, in million steps per "
+        "second of one lane, and medians of the rounds' ratios; `reset_ms` is the time in which all lanes begin an episode at "
+        "once, `episodes_times_cartpole` the ratio with one such reset an episode. `load` is the number of processes that wanted "
+        "the cores, one of them this one.",
     ),
     "core": Part(
         core,

@@ -25,9 +25,9 @@ KEPT = ", ".join(f"`{name}`" for name in KEPT_VARIABLES)
 _HEAD = f"""\
 # The registered tasks
 
-**{len(TASKS)} stages, each with its references, what is believed of it, and the protocol of a score.** Most are the paper's plant
-with what a stage in a laboratory has besides; four have the hysteresis of a measured stack. Every one is an environment of Gymnasium
-and a column of the ranking; what they ask for differs so much that a rank on one says little about another.
+**{len(TASKS)} stages, each with references, belief and protocol of a score.** Most are the paper's plant
+with what a stage in a laboratory has besides; four have the hysteresis of a measured stack. Each is an environment of Gymnasium
+and a column of the ranking; a rank on one says little about another.
 
 <!-- written by `python -m studies.tasks_page` -->
 
@@ -36,7 +36,7 @@ and a column of the ranking; what they ask for differs so much that a rank on on
 _USE = f"""
 ## Train and tune
 
-`gymnasium.make(id)` draws a training plant, a reference and noise at every reset. Where a controller is tuned, draw plants as lanes side by side:
+`gymnasium.make(id)` draws a training plant, reference and noise at every reset. To tune a controller, draw plants as lanes:
 
 ```python
 from rdpi_gym.envs.tasks import TASKS
@@ -51,9 +51,14 @@ print(lanes.belief.name, lanes.references_um.shape)
 P10 stage (2500, 12)
 ```
 
-Training, validation and test plants come from random words of their own: `"training"`, `"validation"` or `"test"` is among them, so no seed
-makes one the other. A controller is told `lanes.belief`, the nominal plant with its nominal effects: the truth is up to 5 % off in every number of the
+Training, validation and test plants have random words of their own: no seed makes one the other. A controller is told `lanes.belief`, the nominal plant with its nominal effects: the truth is up to 5 % off in every number of the
 hysteresis and up to 40 % in every parameter of an effect.
+
+`gymnasium.make_vec(id, num_envs=4096)` runs thousands of a task's plants [in one kernel](vector-environment.md). Options of both:
+
+- `limits`: those of the task unless given. `info["cost"]` sums `cost_saturation`, `cost_rate`, `cost_ringing`, `cost_stroke`, each 0 or 1, as in Safety-Gymnasium.
+- `privileged=True`: `info["privileged"]`, latent parameters for a critic, named by `env.unwrapped.latents`.
+- `max_episode_steps=10000`, or `lanes(..., samples=10000)` above: longer episodes, which begin alike.
 
 ## Score a controller
 
@@ -77,7 +82,7 @@ rdpi bench --task Duhem --draws 10 --controllers hybrid,{INFORMATION} --out resu
 rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against results/tasks/task-rows.csv.gz
 ```
 
-The first measures the information bound, by which errors are then divided. The second says how many of a table's rows come out the same here: every run leaves `task-rows.csv.gz`.
+The first divides errors by the [information bound](../studies/results/stages/information/tasks.md). The second says how many of a table's rows come out the same: every run leaves `task-rows.csv.gz`.
 
 ## What a controller may know
 

@@ -20,7 +20,8 @@ SECOND_TIER = (
     "baselines/test_ppo_from_scratch.py",
     "baselines/test_recurrent_ppo_example.py",
     "baselines/test_student_onnx.py",
-    "benchmarks/test_effect_discovery.py",  # studies with committed tables
+    "benchmarks/test_diagnosis.py",  # studies with committed tables
+    "benchmarks/test_effect_discovery.py",
     "benchmarks/test_payoff.py",
     "benchmarks/test_reproduce_command.py",
     "benchmarks/test_tracking_learned.py",

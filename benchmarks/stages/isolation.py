@@ -40,6 +40,7 @@ from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.files import check_plain
+from rdpi_gym.support.plugins import find_here
 
 PATIENCE_S = 120.0
 """Time (s) after which a process without an answer is ended: kernels are compiled in less."""
@@ -170,10 +171,14 @@ class ControllerProcess:
 
 
 class RemoteController:
-    """A controller whose code runs in a :class:`ControllerProcess`."""
+    """A controller whose code runs in a :class:`ControllerProcess`.
+
+    It sees the lanes in an order of chance, so none tells which episodes share a plant.
+    """
 
     def __init__(self, process: ControllerProcess, stated: dict[str, Any]) -> None:
         self._process = process
+        self._order = np.empty(0, dtype=np.int64)
         self.repeats = bool(stated["repeats"])
         self.plant_samples = int(stated["plant_samples"])
         self.processor_s = process.processor_s
@@ -186,16 +191,20 @@ class RemoteController:
         deterministic: bool = False,
     ) -> tuple[NDArray[Any], Any]:
         """Return an action for each lane; the process itself keeps what it remembers."""
-        sent = np.ascontiguousarray(observation, dtype=np.float32)
+        lanes = len(observation)
+        order = self._ordered(lanes)
+        sent = np.asarray(observation, dtype=np.float32)[order]
         kind = FIRST if state is None else NEXT
-        action = np.frombuffer(self._process.ask(kind, ACTION, sent.tobytes()))
-        if len(action) != len(sent):
-            raise ControllerFailed(f"{len(action)} actions for {len(sent)} lanes")
+        answer = self._process.ask(kind, ACTION, sent.tobytes())
+        if len(answer) != 8 * lanes:
+            raise ControllerFailed(f"an answer of {len(answer)} bytes for {lanes} lanes")
+        action = np.empty(lanes)
+        action[order] = np.frombuffer(answer)
         return action, self
 
     def learn(self, *signals: Array) -> None:
         """Hand over a pass: reference, measured displacement (µm) and command (V), ``(K, B)`` each."""
-        self._process.ask(LEARN, DOCUMENT, _bytes(signals))
+        self._process.ask(LEARN, DOCUMENT, self._bytes(signals))
 
     def statements(self) -> dict[str, Any]:
         """Return what the controller says of itself now."""
@@ -214,6 +223,17 @@ class RemoteController:
         """Whether the kernel keeps its process from files and from other processes."""
         return bool(self.statements()["confined"])
 
+    def _ordered(self, lanes: int) -> NDArray[np.int64]:
+        """Return the order in which that many lanes are shown, the same from pass to pass."""
+        if len(self._order) != lanes:
+            self._order = np.random.default_rng().permutation(lanes)
+        return self._order
+
+    def _bytes(self, signals: Sequence[Array]) -> bytes:
+        lanes = int(signals[0].shape[1])
+        stacked = np.stack(signals).astype(np.float64)[..., self._ordered(lanes)]
+        return lanes.to_bytes(8, "little") + stacked.tobytes()
+
     def _text(self, name: str) -> str | None:
         value = self.statements()[name]
         return None if value is None else one_line(value)
@@ -224,12 +244,7 @@ class RemotePlanner(RemoteController):
 
     def plan(self, reference_um: Array) -> None:
         """Hand over the reference (µm), ``(K, B)``."""
-        self._process.ask(PLAN, DOCUMENT, _bytes([reference_um]))
-
-
-def _bytes(signals: Sequence[Array]) -> bytes:
-    stacked = np.stack(signals).astype(np.float64)
-    return int(stacked.shape[-1]).to_bytes(8, "little") + stacked.tobytes()
+        self._process.ask(PLAN, DOCUMENT, self._bytes([reference_um]))
 
 
 def _moved(name: str, code: Path, folder: Path) -> str:
@@ -254,7 +269,11 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 def own_code(name: str) -> Path | None:
     """Return the one file in which ``module:attribute`` is defined, None where there is none; nothing is run."""
     module = name.partition(":")[0]
-    spec = find_spec(module) if module.isidentifier() else None
+    if module.isidentifier():
+        find_here(module)
+        spec = find_spec(module)
+    else:  # to find a module of a package would import the package
+        spec = getattr(sys.modules.get(module), "__spec__", None)
     if spec is None or spec.origin is None or spec.submodule_search_locations:
         return None
     return Path(spec.origin) if Path(spec.origin).is_file() else None

@@ -209,8 +209,8 @@ METHOD = f"""\
 - **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs of processor time. Such a plant counts with {WORST_PERCENT:g} % at least.
 - **p90, IQM.** 90th percentile over the plants, and mean of their middle half; in brackets the {100 * CONFIDENCE:g} % interval of a bootstrap over the plants.
 - **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
-- **Over noise.** IQM in units of the sensor's noise (rms).
-- **Beside the ranking.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error. `{RIGHT_KIND}` is `adaptive-dual-loop` told the nominal plant of the right kind, on tasks where others believe another kind. `{INFORMATION}` is the information bound: it is told of which distribution the plant was drawn, estimates it from the readings of the episode alone, and inverts the estimate like the first; where it was scored, ratios to it lead.
+- **Over noise, over information.** IQM in units of the sensor's noise (rms), and over that of `{INFORMATION}`.
+- **Beside the ranking.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error. `{RIGHT_KIND}` is `adaptive-dual-loop` told the nominal plant of the right kind, on tasks where others believe another kind. `{INFORMATION}` is the information bound: it is told of which distribution the plant was drawn, estimates it from the readings of the episode alone, and inverts the estimate like the first.
 - **†.** IQM within {100 * (NEAR_BOUND - 1):.0f} % of `{HORIZON_BOUND}`: closer than a controller that does not know the plant is expected to come.
 - **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are not ranked; of the latter the last pass is scored.
 - **Time.** Median processor time of one decision for one plant, after the first {WARM_SAMPLES}, on the machine of the run.
@@ -399,7 +399,7 @@ def _line(task: str, ranked: pd.DataFrame, correlation: float) -> dict[str, obje
         "p90 (%)": best["p90_percent"],
         "IQM (%)": best["iqm_percent"],
         "over noise": best["iqm_noise"],
-        "bound, IQM (%)": _iqm_of(ranked, HORIZON_BOUND),
+        **{f"{entry.label}, IQM (%)": _iqm_of(ranked, name) for name, entry in BESIDE.items()},
         "rivals without a failure": f"{int((rivals['failed'] == 0.0).sum())} of {len(rivals)}",
         "order kept": correlation,
     }

@@ -78,6 +78,7 @@ def submit(
 ) -> tuple[Submission, TaskScores]:
     """Score a controller on public draws and put all that a leaderboard needs into a folder."""
     names = tuple(dict.fromkeys(named_task(task).name for task in tasks))
+    _check_links(controller)
     outcome = run_tasks(
         [controller], names, plants, folder, jobs=jobs, progress=progress, bound=False
     )
@@ -215,14 +216,19 @@ def _is_same(row: Row, stated: Row) -> bool:
     )
 
 
+def _check_links(controller: str) -> None:
+    """Refuse a policy's folder that holds a link: what it leads to would be handed in."""
+    path = Path(policy_of(controller) or "")
+    if is_learned(controller) and path.is_dir():
+        check_plain([path, *(each for each in path.rglob("*") if each.is_dir())])
+
+
 def _copied(controller: str, folder: Path) -> str:
     """Copy a controller's own code into a folder and return its name there; empty: this package's."""
     if is_learned(controller):
         path = Path(policy_of(controller) or "")
         if not path.is_dir():
             return ""  # a shipped one
-        # what a link leads to would be handed in
-        check_plain([path, *(each for each in path.rglob("*") if each.is_dir())])
         with replaced_folder(folder / "policy") as fresh:
             shutil.copytree(path, fresh, dirs_exist_ok=True)
         return "policy"

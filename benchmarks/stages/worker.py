@@ -114,7 +114,7 @@ def _columns(content: bytes, count: int) -> list[NDArray[np.float64]]:
     return [np.array(each) for each in values]
 
 
-def _readable() -> list[Path]:
+def readable_places() -> list[Path]:
     """Return what imports need: Python, its packages, these packages, facts of the machine."""
     found = filter(None, map(find_spec, _PACKAGES))
     own = [Path(str(each.origin)).parent for each in found]
@@ -123,7 +123,7 @@ def _readable() -> list[Path]:
     return [*own, *caches, *map(Path, sorted(places)), *map(Path, _MACHINE)]
 
 
-def _keep_compiled() -> None:
+def keep_compiled() -> None:
     """Let kernels find their compiled code where the judge's do, and leave it as it is."""
     list(CONTROLLERS), list(CATALOGUE)  # looks for it while folders can be written to
     Cache.save_overload = lambda *_: None
@@ -138,9 +138,9 @@ def main() -> None:
     for descriptor in (0, 1, 2):  # what a controller prints or reads goes nowhere
         os.dup2(nowhere, descriptor)
     os.close(nowhere)
-    _keep_compiled()
+    keep_compiled()
     here = Path.cwd()
-    served = _Served(confine(_readable(), [here, Path(os.devnull)]))
+    served = _Served(confine(readable_places(), [here, Path(os.devnull)]))
     sys.path.append(str(here))
     while (request := read_message(requests)) is not None:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import partial
 from importlib import import_module
 
@@ -9,6 +10,7 @@ import typer
 
 from rdpi_gym.cli.options import expanded
 from rdpi_gym.support.command import run_command
+from rdpi_gym.support.errors import InputError
 
 COMMANDS = {
     "bench": "bench",
@@ -72,5 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _call(arguments: list[str] | None) -> int:
+    if not (sys.argv[1:] if arguments is None else arguments):
+        raise InputError("no command; give one, as in fit --example picma (rdpi --help lists all)")
     result = app(args=arguments, prog_name="rdpi", standalone_mode=False)
     return result if isinstance(result, int) else 0

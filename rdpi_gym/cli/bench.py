@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 import rdpi_gym as rg
 from rdpi_gym.cli.options import JobsOption, OutOption, SeedOption, VerboseOption, words
@@ -14,7 +17,7 @@ from rdpi_gym.cli.tables import print_table
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import LEADING_ROWS
 from rdpi_gym.support.progress import progress_bar
-from rdpi_gym.support.words import number
+from rdpi_gym.support.words import number, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -39,6 +42,14 @@ _NAME = 36  # letters of a controller's name, in lines while a run goes on
 
 
 def bench(
+    suite: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[diagnosis]",
+            help="In place of controllers, diagnosers on plants with hidden effects.",
+            show_default=False,
+        ),
+    ] = None,
     out: OutOption = Path("results/bench"),
     seeds: int = _SEEDS,
     seed: int = 0,
@@ -57,13 +68,15 @@ def bench(
     seed_file: Path | None = None,
     no_bound: bool = False,
     against: Path | None = None,
+    diagnoser: list[str] | None = None,
     verbose: VerboseOption = False,
 ) -> None:
     """Rank controllers by their tracking error; an interrupted run continues.
 
     A run of all controllers, plants, references and sampling times also scores plants with hidden
     effects, by what is believed of them. With --task or --full the registered tasks are scored
-    instead: stages with their own plants, references and protocol.
+    instead: stages with their own plants, references and protocol. The word diagnosis ranks
+    diagnosers: what is missing of a model, told from records.
 
     Parameters
     ----------
@@ -94,7 +107,7 @@ def bench(
     full
         In place of those: every task, with 100 plants each.
     draws : 1 or more
-        Test plants of each task; 20 by default.
+        Test plants of each task, or of the diagnosis; 20 by default.
     seed_file : FILE
         A file with the seed of the test plants, one whole number; else the public seed. With it
         controllers run in processes of their own.
@@ -102,8 +115,23 @@ def bench(
         Of tasks: without the entries that know more than a controller may.
     against : FILE
         Of tasks: task-rows.csv.gz of a table; says how many rows are as it states them.
+    diagnoser : NAME|MODULE:ATTRIBUTE
+        Of the diagnosis: one that ships, or one of your own, a callable (dataset); may be repeated,
+        by default all that ship.
     """
     own = controller or []
+    if suite is not None:
+        if suite != "diagnosis":
+            raise InputError(f"{quoted(suite)} is no suite; give diagnosis, or leave it out")
+        others = {"--controllers": controllers, "--controller": controller, "--plants": plants,
+                  "--references": references, "--ts": ts, "--plant": plant, "--belief": belief,
+                  "--task": task, "--full": full or None, "--no-bound": no_bound or None,
+                  "--against": against, "--seeds": seeds if seeds != _SEEDS else None,
+                  "--seed": seed or None}  # fmt: skip
+        _bench_diagnosis(diagnoser or [], draws, seed_file, out, jobs, ray, others)
+        return
+    if diagnoser:
+        raise InputError("--diagnoser is of rdpi bench diagnosis; give that word")
     if task is not None or full:
         others = {"--plants": plants, "--references": references, "--ts": ts, "--plant": plant,
                   "--belief": belief, "--seeds": seeds if seeds != _SEEDS else None,
@@ -202,6 +230,48 @@ def _bench_tasks(
         )
     _print_scores(scores, own, out)
     _refuse_failures(scores, own)
+
+
+def _bench_diagnosis(
+    diagnosers: list[str],
+    draws: int | None,
+    seed_file: Path | None,
+    out: Path,
+    jobs: int,
+    ray: str | None,
+    others: Mapping[str, object],
+) -> None:
+    """Score diagnosers on plants with hidden effects."""
+    from benchmarks.diagnosis import run
+    from benchmarks.stages.run import read_seed
+
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise InputError(f"{given[0]} is not for rdpi bench diagnosis; leave it out")
+    with progress_bar() as show:
+        outcome = run.run_diagnosers(
+            diagnosers, run.PLANTS if draws is None else draws, out, seed=read_seed(seed_file),
+            jobs=jobs, progress=show, ray_address=ray,
+        )  # fmt: skip
+    rows = outcome.rows
+    command = shlex.join(
+        ["rdpi", "bench", "diagnosis", *(w for name in diagnosers for w in ("--diagnoser", name))]
+        + (["--draws", str(draws)] if draws is not None else [])
+    )
+    page = run.write_page(rows, out, command)
+    table = run.ranking(rows)
+    if not table.empty:
+        print(f"{table['diagnoser'][0]} has the smallest log loss of {len(table)}.")
+        print_table(table, f"diagnosis: {rows[0]['draws']}")
+        print(run.LEGEND)
+    print(f"{len(rows)} rows, {outcome.computed} of them computed now")
+    for note in outcome.notes:
+        print(note)
+    print(f"tables: {page}")
+    for name in diagnosers:
+        said = [str(row["failure"]) for row in rows if row["diagnoser"] == name]
+        if all(said):
+            raise InputError(f"{name} has no score on any plant; the first row says {said[0]!r}")
 
 
 def _print_scores(scores: rg.TaskScores, own: Sequence[str], out: Path) -> None:

@@ -53,12 +53,16 @@ def _environments() -> None:
 
 
 def _discovery() -> None:
+    from rdpi_gym.face.data import example
+    from rdpi_gym.face.fitting import fit
     from rdpi_gym.face.search import diagnose, discover
     from rdpi_gym.face.simulation import simulate
 
     data = simulate("P5", hide="creep", seed=1, ts_factor=_TS_FACTOR).select(*_RECORDS)
     discover(data, jobs=1)
     diagnose(data, "P5", jobs=1)
+    measured = example()
+    diagnose(measured, fit(measured), jobs=1)  # what remains there is learned, and has a portrait
 
 
 def _controllers() -> None:

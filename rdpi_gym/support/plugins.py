@@ -25,7 +25,7 @@ def load_attribute(name: str, wanted: str) -> Any:
     if not (colon and module_name and attribute):
         raise InputError(f"{quoted(name)} names no {wanted}; write module:attribute")
     try:
-        _find_here(module_name)
+        find_here(module_name)
         module = import_module(module_name)
     except (ImportError, TypeError, ValueError) as error:  # also of ".", ".." and the like
         raise InputError(
@@ -39,7 +39,7 @@ def load_attribute(name: str, wanted: str) -> Any:
         ) from None
 
 
-def _find_here(module_name: str) -> None:
+def find_here(module_name: str) -> None:
     """Let a module be imported from the current folder, last of all, where no other place has it."""
     top, here = module_name.partition(".")[0], str(Path.cwd())
     if top and here not in sys.path and find_spec(top) is None:

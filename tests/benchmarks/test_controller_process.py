@@ -3,13 +3,14 @@
 import os
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from baselines import make_controller
 from benchmarks.stages import isolation
-from benchmarks.stages.isolation import ControllerFailed, ControllerProcess
+from benchmarks.stages.isolation import ControllerFailed, ControllerProcess, own_code
 from benchmarks.tracking.episode import microseconds_per_sample, play
 from rdpi_gym.envs.tasks import TASKS
 
@@ -126,6 +127,7 @@ def test_apart_it_does_what_it_does_here(bare):
     here = make_controller("pi-classical-reference-rate", bare.belief, layout)
     with ControllerProcess("pi-classical-reference-rate") as process:
         there = process.make(bare.belief, layout)
+        assert sorted(there._ordered(6)) == list(range(6))
         taken, expected = (
             play(one, lanes.track(layout), r, lanes.noises)
             for one in (there, here)
@@ -135,6 +137,16 @@ def test_apart_it_does_what_it_does_here(bare):
         assert 1.0 < microseconds_per_sample(there, bare.draws[0].truth, layout, r[:, 0]) < 5000.0
     np.testing.assert_array_equal(taken.action, expected.action)
     np.testing.assert_array_equal(taken.measured_um, expected.measured_um)
+
+
+def test_the_file_of_a_controller_is_found_and_not_run(tmp_path, monkeypatch):
+    (tmp_path / "found_here.py").write_text("raise SystemExit")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    assert own_code("found_here:make") == tmp_path / "found_here.py"
+    assert own_code("benchmarks.stages.isolation:x") == Path(isolation.__file__)
+    for other in ("baselines:make", "no.such:x", "nowhere:x", "..:x", "pi"):
+        assert own_code(other) is None
 
 
 WRONG = """
@@ -173,6 +185,7 @@ SAID = {
 }
 
 
+@pytest.mark.slow
 def test_a_process_that_does_not_answer_as_it_should_fails_in_one_line(
     bare, tmp_path, monkeypatch, subtests
 ):

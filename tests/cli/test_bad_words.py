@@ -13,6 +13,10 @@ def refused(capsys, *words: str) -> str:
     return captured.err
 
 
+def test_no_command_names_one_to_begin_with(capsys):
+    assert "no command; give one, as in fit --example picma" in refused(capsys)
+
+
 def test_empty_data_are_not_the_current_folder(tmp_path_factory, capsys, monkeypatch, subtests):
     for command in ["fit", "compare", "diagnose", "discover"]:
         with subtests.test(command=command):

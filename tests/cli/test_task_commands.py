@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+pytest.importorskip("torch")
+
 import rdpi_gym.cli as cli
 from baselines import HORIZON_BOUND, make_controller
 from baselines.learned.policy import SHIPPED
@@ -133,3 +135,7 @@ def test_bench_ranks_on_a_task_and_goes_on(tmp_path, capsys):
     assert "4 rows, 4 of them computed now" in first
     assert cli.main(words) == 0
     assert "4 rows, 0 of them computed now" in capsys.readouterr().out
+    assert cli.main([*words, "--no-bound", "--against", str(tmp_path / "task-rows.csv.gz")]) == 0
+    said = capsys.readouterr().out
+    assert "2 of 2 rows are as task-rows.csv.gz states them." in said
+    assert "true-plant-horizon" not in said

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+pytest.importorskip("torch")
+
 from baselines.learned.options import PLANTS, REFERENCES, TrainingOptions
 from benchmarks.effect_discovery.__main__ import options
 from benchmarks.tracking.stages import NOISE_UM

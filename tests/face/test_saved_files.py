@@ -169,7 +169,7 @@ def test_the_rows_of_a_table_are_those_of_its_columns(scores, tmp_path_factory, 
 
 def test_an_array_of_anything_but_numbers_is_refused(data, tmp_path_factory, subtests):
     for values in [["a", "b"], [1j, 2.0], np.array(["2020-01-01"], dtype="M8[s]"), [b"a"]]:
-        with subtests.test(values=values):
+        with subtests.test(values=str(values)):
             tmp_path = tmp_path_factory.mktemp("case")
             path = data.save(tmp_path / "data.npz")
             document, arrays = document_of(path)

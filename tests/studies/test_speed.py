@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("torch")
 
+from rdpi_gym.envs.tasks import TASKS
 from studies import speed
 from studies.runner import RESULTS
 from tests.looping import over
@@ -45,6 +46,15 @@ def test_every_case_of_the_vector_environment_is_measured(case):
     assert (table.drop(columns="case") > 0).all(axis=None)
     assert (table["lowest"] <= table["times_cartpole"]).all()
     assert (table["times_cartpole"] <= table["highest"]).all()
+
+
+def test_a_task_is_measured_in_steps_and_in_whole_episodes():
+    (row,) = speed.tasks(1, duration_s=0.001, lanes=3, threads=[1], names=["Bare"]).to_dict(
+        "records"
+    )
+    assert row["case"] == TASKS["Bare"].id
+    assert 0.0 < row["episodes_times_cartpole"] < row["times_cartpole"]
+    assert row["reset_ms"] > 0.0
 
 
 def test_no_core_is_below_a_third_of_the_rdpi_models_speed_at_usual_sampling():

@@ -1,4 +1,7 @@
 import pandas as pd
+import pytest
+
+pytest.importorskip("torch")
 
 from baselines.learned.options import CURVE
 from studies import student_seeds

@@ -130,9 +130,9 @@ def page_of(task: StageTask) -> str:
     """Return a page in Gymnasium's style: plant, belief, references, protocol."""
     first = task.nominals[0]
     history = (
-        f"An observation holds {task.history} earlier samples of reference, reading and command."
+        f"It holds {task.history} earlier samples of each field."
         if task.history
-        else "A few earlier samples would not either, and none are in the observation."
+        else "It holds no earlier samples."
     )
     lines = [
         f"{task.title}.",
@@ -164,10 +164,14 @@ def page_of(task: StageTask) -> str:
         f"As of `PiezoTracking-v0`, with {task.preview} samples of preview. Not Markov: it does not show "
         f"{task.hidden}. {history}",
         "",
+        "## Limits",
+        f"Of a sample: no clipping; {100 * task.rate_share:g} % of the command's range; "
+        f"{100 * task.ringing_share:g} % of the amplitude for the error's second difference, "
+        f"{100 * task.stroke_share:g} % for the displacement.",
+        "",
         "## Protocol",
         f"Sampling time {1e3 * task.ts_s:g} ms; an episode has {task.samples} samples, the "
-        f"score is over those from {task.first} on. `gymnasium.make` draws from training plants; "
-        "validation and test plants come from random words of their own.",
+        f"score is over those from {task.first} on. `gymnasium.make` draws training plants.",
         "",
         "```python",
         "import gymnasium as gym",

@@ -49,18 +49,27 @@ def _recompiled(block: Callable[..., None]) -> Any:
     return njit(block)
 
 
-def _compile(block: Callable[..., None], signature: Any) -> Any:
+def _compile(block: Callable[..., None], arguments: tuple[Any, ...]) -> Any:
     if isinstance(block, Dispatcher):
         try:
-            return block.get_compile_result(signature)
-        except NumbaError:  # declared for strided arrays alone, it may still compile for these
+            return _compiled(block, arguments)
+        except (
+            NumbaError,
+            RuntimeError,
+        ):  # declared for strided arrays alone, it may compile for these
             pass
-    return _recompiled(block).get_compile_result(signature)
+    return _compiled(_recompiled(block), arguments)
+
+
+def _compiled(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+    # by its arguments, as a call compiles it: what is kept on disk serves both
+    kernel.compile(arguments)
+    return kernel.get_compile_result(types.none(*arguments))
 
 
 def _address(block: Callable[..., None], arguments: tuple[Any, ...], name: str) -> int:
     try:
-        compiled = _compile(block, types.none(*arguments))
+        compiled = _compile(block, arguments)
     except (NumbaError, TypeError) as error:
         reason = next(line for line in f"{error}\nno reason".splitlines() if line[:6] != "Failed")
         raise InputError(f"the kernel of {name} cannot be compiled: {reason}") from None

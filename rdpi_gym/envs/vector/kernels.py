@@ -18,8 +18,8 @@ from rdpi_gym.envs.vector.chain import run_chain
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     CHANGE,
-    CLIPPED,
     COMMAND,
+    COUNTED,
     EARLIER,
     ERROR,
     HELD,
@@ -57,8 +57,7 @@ def _place_commands(n: int, actions: Array, law: Law, work: Array, numbers: Arra
         u = u if u < high else high
         work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        work[CLIPPED, b] = 0.0 if within == place else 1.0
-        numbers[n, SATURATED, b] += work[CLIPPED, b]
+        numbers[n, SATURATED, b] += 0.0 if within == place else 1.0
 
 
 @njit(cache=True)
@@ -76,8 +75,7 @@ def _add_commands(
         u = u if u < high else high
         work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        work[CLIPPED, b] = 0.0 if (within == place) & (u == wanted) else 1.0
-        numbers[n, SATURATED, b] += work[CLIPPED, b]
+        numbers[n, SATURATED, b] += 0.0 if (within == place) & (u == wanted) else 1.0
 
 
 @njit(cache=True)
@@ -286,21 +284,42 @@ def _reward(n: int, law: Law, work: Array, info: Array, reward: Array) -> None:
 
 
 @njit(cache=True)
-def _costs(n: int, row: int, law: Law, work: Array, numbers: Array, info: Array) -> None:
-    first = n * work.shape[1]
-    for b in range(min(work.shape[1], info.shape[1] - first)):
-        error, y = info[2, first + b], work[row, b]
-        bend = abs(error - 2.0 * numbers[n, ERROR, b] + numbers[n, EARLIER, b])
+def _count_commands(n: int, most_V: float, work: Array, numbers: Array, info: Array) -> None:
+    shown = info[5:7, n * work.shape[1] : (n + 1) * work.shape[1]]
+    for b in range(shown.shape[1]):
+        shown[0, b] = numbers[n, SATURATED, b] - numbers[n, COUNTED, b]
+        numbers[n, COUNTED, b] = numbers[n, SATURATED, b]
+    for b in range(shown.shape[1]):
+        shown[1, b] = 1.0 if work[CHANGE, b] > most_V else 0.0
+
+
+@njit(cache=True)
+def _count_ringing(n: int, most_um: float, numbers: Array, info: Array) -> None:
+    first, end = n * numbers.shape[2], (n + 1) * numbers.shape[2]
+    error, ringing = info[2, first:end], info[7, first:end]
+    for b in range(len(error)):
+        bend = abs(error[b] - 2.0 * numbers[n, ERROR, b] + numbers[n, EARLIER, b])
+        ringing[b] = 1.0 if bend > most_um else 0.0
+    for b in range(len(error)):
         numbers[n, EARLIER, b] = numbers[n, ERROR, b]
-        numbers[n, ERROR, b] = error
-        rate = 1.0 if work[CHANGE, b] > law.most_change_V else 0.0
-        ringing = 1.0 if bend > law.most_ringing_um else 0.0
-        stroke = 1.0 if (y < law.lowest_um) | (y > law.highest_um) else 0.0
-        info[5, first + b] = work[CLIPPED, b]
-        info[6, first + b] = rate
-        info[7, first + b] = ringing
-        info[8, first + b] = stroke
-        info[9, first + b] = work[CLIPPED, b] + rate + ringing + stroke
+        numbers[n, ERROR, b] = error[b]
+
+
+@njit(cache=True)
+def _count_strokes(
+    n: int, row: int, low_um: float, high_um: float, work: Array, info: Array
+) -> None:
+    shown = info[8, n * work.shape[1] : (n + 1) * work.shape[1]]
+    for b in range(len(shown)):
+        y = work[row, b]
+        shown[b] = 0.0 if (y >= low_um) & (y <= high_um) else 1.0
+
+
+@njit(cache=True)
+def _add_costs(n: int, width: int, info: Array) -> None:
+    shown = info[5:10, n * width : (n + 1) * width]
+    for b in range(shown.shape[1]):
+        shown[4, b] = shown[0, b] + shown[1, b] + shown[2, b] + shown[3, b]
 
 
 @njit(cache=True)
@@ -364,7 +383,10 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
     report(n, row, now, work, numbers, window_um, shown.info)
     _reward(n, law, work, shown.info, shown.reward)
     if law.limited:
-        _costs(n, row, law, work, numbers, shown.info)
+        _count_commands(n, law.most_change_V, work, numbers, shown.info)
+        _count_ringing(n, law.most_ringing_um, numbers, shown.info)
+        _count_strokes(n, row, law.lowest_um, law.highest_um, work, shown.info)
+        _add_costs(n, work.shape[1], shown.info)
     if step >= lanes.ending[n]:
         _end(n, step, law.max_steps, numbers, shown.truncated)
 

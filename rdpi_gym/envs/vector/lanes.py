@@ -33,13 +33,13 @@ CENTRE = 10  # its centre (µm)
 RISE = 11  # row of its smooth start
 ERROR = 12  # r(k) - y(k) (µm)
 EARLIER = 13  # r(k-1) - y(k-1) (µm)
-NUMBERS = 14
+COUNTED = 14  # steps that were clipped, as they were last counted as costs
+NUMBERS = 15
 
 # Rows that a thread writes over in every block; the plant's chain takes the first six.
 CHANGE = 6  # of the command (V), absolute
 MEASURED = 7  # displacement as the sensor reads it (µm)
-CLIPPED = 8  # 1 where the action or the command was clipped, else 0
-WORK = 9
+WORK = 8
 
 # Places by which the observations slide on, one a step, before they begin at the first one again.
 SLIDE = 64

@@ -153,17 +153,13 @@ class LaneGroup:
         self._sources = self._current_sources()
         self._fresh: tuple[Lanes, Array] | None = None
         self._latent: Array = np.zeros((lanes if single.latents else 0, 0))
+        self._size, self.info_rows = single.history.size, 10 if limits is not None else 5
         self.step, self.next_end = 0, 0
 
     @property
     def threads(self) -> int:
         """Number of threads that share a step."""
         return len(self._work)
-
-    @property
-    def info_rows(self) -> int:
-        """Number of quantities that are reported beside observation and reward."""
-        return 10 if self._law.limited else 5
 
     def observations(self) -> Floats32:
         """Return the last observations without history, a fresh float32[B, D]."""
@@ -306,7 +302,7 @@ class LaneGroup:
             self._glides.change(self.step, self._lanes, self._latent)
         lanes = len(actions)
         out = Shown(
-            room(lanes * self._single.history.size, np.float32),
+            room(lanes * self._size, np.float32),
             np.empty(lanes),
             np.zeros(lanes, dtype=bool),
             np.empty((self.info_rows, lanes)),
@@ -408,7 +404,7 @@ class VectorTask:
     @property
     def next_end(self) -> int:
         """First step at which an episode ends."""
-        return min(group.next_end for group in self._groups)
+        return min([group.next_end for group in self._groups])
 
     @property
     def info_rows(self) -> int:

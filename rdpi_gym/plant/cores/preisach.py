@@ -345,24 +345,43 @@ class Preisach(Core):
 
     def coefficients(self) -> list[float]:
         """First c (µm/V), levels (V) and ramp, and a mark of them all; then the tables (µm)."""
-        levels, triangle = len(self.levels_V), self.triangle
+        return self._columns(np.array([self.gains]))[:, 0].tolist()  # type: ignore[no-any-return]
+
+    def scaled_coefficients(self, factors: Array) -> Array:
+        """Those of many cores at once; as :meth:`with_gains` has them."""
+        gains = np.maximum(np.array(self.gains) * factors, 0.0)
+        range_V = self.levels_V[-1] - self.levels_V[0]
+        largest = gains[:, 0] + 2.0 * gains[:, 1:].sum(axis=1) / range_V
+        gains[:, 0] = np.maximum(gains[:, 0], _LEAST_C * np.maximum(largest, _LEAST_C))
+        return self._columns(gains)
+
+    def _columns(self, gains: Array) -> Array:
+        """Return the coefficients of cores on these levels, of gains ``(m, K)``, a column a core."""
+        levels, count = len(self.levels_V), len(gains)
+        triangle = np.zeros((count, levels, levels))
+        triangle[:, *np.tril_indices(levels)] = gains[:, 1:]
         middles = np.add.outer(self.levels_V, self.levels_V) / 2.0
         at_rest = triangle * np.clip(-2.0 * middles / self.ramp_V, -1.0, 1.0)
-        # [way, switching value, diagonal, (switched, on the ramp)]
-        tables = np.zeros((2, levels, levels, 2))
+        # [core, way, switching value, diagonal, (switched, on the ramp)]
+        tables = np.zeros((count, 2, levels, levels, 2))
         for d in range(levels):
-            weights, rest = np.diagonal(triangle, -d), np.diagonal(at_rest, -d).sum()
-            below = np.concatenate([[0.0], np.cumsum(weights)])
-            switched = below[:-1] - (below[-1] - below[1:]) - rest
-            tables[0, :d, d, 0] = -below[-1] - rest  # the command is below their lowest α
-            tables[0, d:, d, 0] = tables[1, : levels - d, d, 0] = switched
-            tables[0, d:, d, 1] = tables[1, : levels - d, d, 1] = weights
-            tables[1, levels - d :, d, 0] = below[-1] - rest
-        sums = np.cumsum(tables, axis=2)
-        steep = 2.0 * self.apart_V / self.ramp_V
-        head = [self.reversible_um_V, self.levels_V[0], self.apart_V, steep]
-        mark = 1.0 + crc32(np.append(sums, head).tobytes())
-        return [*head, mark, *sums.ravel().tolist()]
+            weights = np.diagonal(triangle, -d, 1, 2)
+            rest = np.diagonal(at_rest, -d, 1, 2).sum(axis=1)[:, None]
+            below = np.concatenate([np.zeros((count, 1)), np.cumsum(weights, axis=1)], axis=1)
+            whole = below[:, -1:]
+            switched = below[:, :-1] - (whole - below[:, 1:]) - rest
+            tables[:, 0, :d, d, 0] = -whole - rest  # the command is below their lowest α
+            tables[:, 0, d:, d, 0] = tables[:, 1, : levels - d, d, 0] = switched
+            tables[:, 0, d:, d, 1] = tables[:, 1, : levels - d, d, 1] = weights
+            tables[:, 1, levels - d :, d, 0] = whole - rest
+        sums = np.cumsum(tables, axis=3).reshape(count, -1)
+        columns = np.empty((count, 5 + sums.shape[1]))
+        columns[:, 0] = gains[:, 0]
+        columns[:, 1:4] = self.levels_V[0], self.apart_V, 2.0 * self.apart_V / self.ramp_V
+        columns[:, 5:] = sums
+        for own in columns:
+            own[4] = 1.0 + crc32(np.append(own[5:], own[:4]).tobytes())
+        return columns.T
 
     def settled(self, turns_V: Sequence[float]) -> Array:
         """Memory after a slow walk from rest through commands (V)."""

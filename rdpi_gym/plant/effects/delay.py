@@ -23,6 +23,23 @@ def _input(x: Array, state: Array, k: int, b: int) -> float:
 
 
 @njit(cache=True)
+def _one_sample(x: Array, p: Array, state: Array, y: Array) -> None:
+    """Take the newest sample into the ring, then read both that the delay lies between."""
+    size = state.shape[0] - 1
+    for b in range(x.shape[1]):
+        place = int(state[0, b]) + 1
+        place = place if place < size else 0
+        newer = place - int(p[0, b])
+        older = newer - 1
+        # Read first: the oldest of the ring stands where the newest goes.
+        last = state[1 + (older if older >= 0 else older + size), b]
+        state[1 + place, b] = x[0, b]
+        first = state[1 + (newer if newer >= 0 else newer + size), b]
+        y[0, b] = first + p[1, b] * (last - first)
+        state[0, b] = place
+
+
+@njit(cache=True)
 def delay_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel, exact for an input linear between samples.
 
@@ -34,6 +51,9 @@ def delay_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array)
         if np.isnan(state[0, b]):
             state[0, b] = 0.0
             state[1:, b] = x[0, b]
+    if length == 1:
+        _one_sample(x, p, state, y)
+        return
     for t in range(length):
         for b in range(x.shape[1]):
             k = t - int(p[0, b])

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 
+from rdpi_gym.plant.cores.elementary import VECTOR_LANES, expm1_lanes
 from rdpi_gym.plant.effects.base import (
     Clocked,
     DataScale,
@@ -22,12 +23,27 @@ from rdpi_gym.plant.effects.knots import ByKnots, Smooth, along_curve, along_kno
 from rdpi_gym.support.arrays import Array
 
 
+@njit(cache=True, error_model="numpy")
+def _many_lanes(x: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    warming, warmed = np.empty(x.shape[1]), np.empty(x.shape[1])
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            warming[b] = -state[0, b] * ts / p[1, b]
+            state[0, b] += 1.0
+        expm1_lanes(warming, warmed)
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b] - p[0, b] * p[1, b] * warmed[b]
+
+
 @njit(cache=True)
 def thermal_drift_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel; rows of ``p``: rate (µm/s), τ (s). Row of the state: samples since t = 0."""
     for b in range(x.shape[1]):
         if np.isnan(state[0, b]):
             state[0, b] = 0.0
+    if x.shape[1] >= VECTOR_LANES:
+        _many_lanes(x, p, state, ts, y)
+        return
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             y[t, b] = x[t, b] - p[0, b] * p[1, b] * math.expm1(-state[0, b] * ts / p[1, b])
