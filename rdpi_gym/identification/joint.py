@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -250,17 +250,20 @@ class _Problem:
 
     def whole_pass(self, variant: Variant[Any]) -> _Pass:
         """Derivatives by every weight and every free number."""
-        gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
         n_weights = len(variant.hysteresis.gains)
-        lanes = Neighbours(variant, *self._neighbours(variant), gain_steps)
-        columns, changes = [], []
-        for record, kept in zip(self.records, self.kept, strict=True):
-            rows = lanes.derivatives(record, kept)
-            centre(rows)
-            columns.append(rows[:, :n_weights])
-            changes.append(rows[:, n_weights:])
+        rows = self.rows(variant)
+        columns, changes = [r[:, :n_weights] for r in rows], [r[:, n_weights:] for r in rows]
         squares = [c.T @ c for c in columns]
         return _products(variant, self.free, columns, changes, squares, self.price)
+
+    def rows(self, variant: Variant[Any]) -> list[Array]:
+        """Derivatives by every weight and every free number and the residual, by record, centred."""
+        gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
+        lanes = Neighbours(variant, *self._neighbours(variant), gain_steps)
+        found = [lanes.derivatives(r, k) for r, k in zip(self.records, self.kept, strict=True)]
+        for each in found:
+            centre(each)
+        return found
 
     def light_pass(self, variant: Variant[Any], last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
@@ -270,13 +273,15 @@ class _Problem:
         self, variant: Variant[Any], columns: Sequence[Array], squares: Sequence[Array]
     ) -> _Pass:
         """Return the same with given derivatives by the weights and their Gram matrices."""
+        return _products(variant, self.free, columns, self.changes(variant), squares, self.price)
+
+    def changes(self, variant: Variant[Any]) -> list[Array]:
+        """Derivatives by every free number and the residual, by record, centred."""
         lanes = Neighbours(variant, *self._neighbours(variant))
-        changes = []
-        for record, kept in zip(self.records, self.kept, strict=True):
-            rows = lanes.changes(record, kept)
-            centre(rows)
-            changes.append(rows)
-        return _products(variant, self.free, columns, changes, squares, self.price)
+        found = [lanes.changes(r, k) for r, k in zip(self.records, self.kept, strict=True)]
+        for each in found:
+            centre(each)
+        return found
 
     def stepped(self, best: Variant[Any], here: _Pass, damping: float) -> Variant[Any]:
         """Return where a damped step of weights and free numbers leads from a place."""
@@ -517,6 +522,70 @@ def first_steps(
     return FirstSteps(
         best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
     )
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """Derivatives of a model's displacement on records, the offset of each record taken out."""
+
+    # By record, one row a sample: by each gain, by each free number, and what the model leaves (µm)
+    rows: Sequence[Array]
+    # Which of these numbers may move: gains above zero or of either sign, others within their bounds
+    moves: BoolArray
+    effects: Sequence[
+        int | None
+    ]  # Place of the effect that each number belongs to; None for the core
+
+
+def tangents(
+    records: Sequence[Record], variant: Variant[Any], samples: int | None = None
+) -> Tangents:
+    """Linearise a model on the samples that :func:`kept_samples` names."""
+    core, effects = variant.hysteresis, variant.effects
+    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
+    inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
+    owners = [None] * len(gains) + [number.effect for number in problem.free]
+    return Tangents(problem.rows(variant), np.concatenate([gains, inside]), owners)
+
+
+def tangents_near(
+    records: Sequence[Record], variant: Variant[Any], columns: Sequence[Array], samples: int
+) -> Tangents:
+    """Linearise a model, given the derivatives by the gains of another one near by."""
+    core, effects = variant.hysteresis, variant.effects
+    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
+    gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
+    owners = [None] * len(gains) + [number.effect for number in problem.free]
+    rows = [
+        np.hstack([own, change])
+        for own, change in zip(columns, problem.changes(variant), strict=True)
+    ]
+    return Tangents(rows, np.concatenate([gains, inside]), owners)
+
+
+def effect_tangents(
+    records: Sequence[Record], variant: Variant[Any], place: int, samples: int | None = None
+) -> list[Array]:
+    """Linearise a model in the parameters of one effect alone, by record and centred."""
+    core, effects = variant.hysteresis, variant.effects
+    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    own = replace(problem, free=[n for n in problem.free if n.effect == place])
+    return [each[:, :-1] for each in own.changes(variant)]
+
+
+def foreseen_um(
+    records: Sequence[Record],
+    start: Core,
+    effects: Sequence[Effect],
+    samples: int,
+    near: FirstSteps,
+) -> float:
+    """Error (µm rms) that the first step of :func:`first_steps` would leave, were the model linear."""
+    problem, best = _begun(records, start, effects, frozenset(), samples, 0.0)
+    here = problem.changes_at(best, near.columns, near.squares)
+    return math.sqrt(max(problem.foreseen(best, here), 0.0) / max(here.count, 1))
 
 
 def _begun(

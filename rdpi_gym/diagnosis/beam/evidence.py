@@ -1,0 +1,113 @@
+"""The records of a search as it reads them, and the floor beneath which nothing counts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rdpi_gym.diagnosis.features.noise import (
+    MeasuredNoise,
+    floor_from,
+    measured_noise,
+    quiet_noise,
+    rough_parts,
+    slowness,
+)
+from rdpi_gym.diagnosis.preprocessing import Finding, inspect
+from rdpi_gym.diagnosis.suitability import falls, thinned, turned
+from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant.effects.base import DataScale
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+
+ClockKind = Literal["delay", "skew", "step"]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Fault of a record's clock, or of all records where none is named."""
+
+    kind: ClockKind
+    record: str
+    # By how much y is late (s), by how much more in each second (1), logarithm of the factor to the
+    # time step (1)
+    value: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Name of the fault, without its size."""
+        return f"clock {self.kind} of {self.record or 'all records'}"
+
+    def mended(self, record: Record) -> Record:
+        """Return a record with the command at the times at which its displacement was taken."""
+        if self.record not in ("", record.name) or self.value == 0.0:
+            return record
+        if self.kind == "step":
+            ts_s = record.ts_s * math.exp(self.value)
+            times = record.t_s[0] + ts_s * np.arange(record.t_s.size)
+            return replace(record, ts_s=ts_s, t_s=times)
+        past = record.t_s - record.t_s[0]
+        late = self.value if self.kind == "delay" else self.value * past
+        return replace(record, u_V=np.interp(past - late, past, record.u_V))
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Records that were looked through, to fit and to judge by."""
+
+    train: tuple[Record, ...]
+    validation: tuple[Record, ...]
+    scale: DataScale
+    noise: MeasuredNoise  # What quiet records and repetitions show without a model
+    findings: tuple[Finding, ...]
+    clockwise: bool | None  # How the loops turn, where they enclose an area
+    sign: float  # -1 where the displacement falls as the voltage rises: it is turned
+
+    @classmethod
+    def of(cls, dataset: Dataset) -> Evidence:
+        """Look through a data set.
+
+        Raises
+        ------
+        InputError
+            No record to fit or to judge by in which the input moves.
+        """
+        if not dataset.train or not dataset.validation:
+            raise InputError(
+                f"a diagnosis needs records to fit and to validate on; {dataset.title} has "
+                f"{len(dataset.train)} and {len(dataset.validation)} in which the "
+                f"{dataset.quantities.input.name} moves"
+            )
+        check_motion(dataset.train)
+        check_scale(dataset.train, dataset.quantities)
+        sign = -1.0 if falls((*dataset.train, *dataset.validation)) else 1.0
+        looked = inspect(dataset if sign > 0.0 else turned(dataset))
+        few = thinned(looked.dataset, looked.openings)
+        found = looked.dataset if few is None else few.dataset
+        parts = found.in_blocks if found.holds_out_quarters else (found.train, found.validation)
+        train, validation = map(tuple, parts)
+        whole = {r.name: r for r in (*found.train, *found.validation)}
+        return cls(
+            train, validation, data_scale((*train, *validation)),
+            measured_noise(quiet_noise(found.quiet), tuple(whole.values())),
+            looked.findings, orientation(train), sign,
+        )  # fmt: skip
+
+    def mended(self, clocks: Sequence[Clock]) -> Evidence:
+        """Return the records with their clocks set right."""
+        if not clocks:
+            return self
+        train, validation = list(self.train), list(self.validation)
+        for clock in clocks:
+            train, validation = ([clock.mended(r) for r in part] for part in (train, validation))
+        return replace(self, train=tuple(train), validation=tuple(validation))
+
+    def floor_um(self, lefts: Sequence[Array]) -> float:
+        """Return the noise floor (µm rms), by measurement or by what changes from sample to sample."""
+        return floor_from(self.noise, rough_parts(lefts), slowness(lefts))[0]

@@ -1,0 +1,209 @@
+"""A model of the search, its refit, and its phantoms."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES
+from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
+from rdpi_gym.diagnosis.beam.score import cross_fitted, orthogonal
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import (
+    NO_FIT,
+    JointFit,
+    Tangents,
+    effect_tangents,
+    fit_joint,
+    kept_samples,
+    tangents,
+)
+from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.support.arrays import Array
+
+
+@dataclass(frozen=True)
+class Model:
+    """A core, a set of effects in their forms, and clock faults of records."""
+
+    core: Core
+    effects: tuple[Effect, ...] = ()  # In the chain's order
+    clocks: tuple[Clock, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells one set from another: kind of the core, forms of effects, clock faults."""
+        clocks = sorted(clock.name for clock in self.clocks)
+        return (self.core.name, *sorted(e.full_name() for e in self.effects), *clocks)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the effects and clock faults, without forms."""
+        return frozenset([e.name for e in self.effects] + [c.name for c in self.clocks])
+
+
+@dataclass(frozen=True, eq=False)
+class Visited:
+    """A set that was refitted whole."""
+
+    model: Model
+    fit: JointFit
+    # What it leaves where it was not fitted (µm), by record: those to fit, then those to judge by
+    lefts: tuple[Array, ...]
+    parent: tuple[str, ...] | None = None  # Key of the set that a move made it of
+    # The same of the parent, linearised, alone and with each phantom of the move
+    ghosts: tuple[tuple[Array, ...], ...] = ()
+    tried: int = 0  # Moves of the parent that were looked at with it
+    seconds: float = 0.0  # Processor time of its refit
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Key of its model."""
+        return self.model.key
+
+    @property
+    def rmse_um(self) -> float:
+        """Cross-fitted error over all samples (µm rms)."""
+        return math.sqrt(float(np.mean(np.concatenate(self.lefts) ** 2)))
+
+
+def residuals(records: Sequence[Record], variant: Variant[Core], samples: int) -> list[Array]:
+    """Return what a model leaves of records (µm), offset free, at the samples that count."""
+    found = []
+    for record, kept in zip(records, kept_samples(records, samples), strict=True):
+        left = (record.y_um - simulate_effects([variant], record)[:, 0])[kept]
+        found.append(left - left.mean())
+    return found
+
+
+def refitted(
+    evidence: Evidence, model: Model, parent: tuple[str, ...] | None = None
+) -> Visited | None:
+    """Refit a set whole and cross-fit it; None where it leaves the bounds of its numbers."""
+    began = time.process_time()
+    here = evidence.mended(model.clocks)
+    try:
+        fit = fit_joint(here.train, model.core, model.effects, PASSES, samples=FIT_SAMPLES)
+        at = tangents(here.train, fit.variant, FIT_SAMPLES)
+        kept = kept_samples(here.train, FIT_SAMPLES)
+        rows = [
+            _with_clocks(record, index, own, model.clocks, fit.variant)
+            for record, index, own in zip(here.train, kept, at.rows, strict=True)
+        ]
+        moves = np.concatenate([at.moves, np.ones(len(model.clocks), dtype=np.bool_)])
+        lefts = cross_fitted(rows, moves)
+        lefts += residuals(here.validation, fit.variant, FIT_SAMPLES)
+    except NO_FIT:
+        return None
+    if not all(np.isfinite(left).all() for left in lefts):
+        return None
+    core = fit.variant.hysteresis.pruned()
+    found = replace(model, core=core, effects=fit.variant.effects)
+    return Visited(found, fit, tuple(lefts), parent, seconds=time.process_time() - began)
+
+
+def _with_clocks(
+    record: Record,
+    kept: NDArray[np.intp],
+    rows: Array,
+    clocks: Sequence[Clock],
+    variant: Variant[Core],
+) -> Array:
+    """Put the derivative by each clock fault before the residual."""
+    if not clocks:
+        return rows
+    own = [clock_column(record, clock, variant)[kept] for clock in clocks]
+    own = [column - column.mean() for column in own]
+    return np.column_stack([rows[:, :-1], *own, rows[:, -1]])
+
+
+def clock_column(record: Record, clock: Clock, variant: Variant[Core]) -> Array:
+    """Derivative of a model's displacement by a clock fault, ``(T,)``."""
+    y = simulate_effects([variant], record)[:, 0]
+    if clock.record not in ("", record.name):
+        return np.zeros_like(y)
+    step = {"delay": 0.25 * record.ts_s, "skew": 0.25 / y.size, "step": 1e-3}[clock.kind]
+    moved = replace(clock, record="", value=step).mended(record)
+    return np.asarray((simulate_effects([variant], moved)[:, 0] - y) / step)
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A set linearised on all records, for phantoms."""
+
+    evidence: Evidence  # With the set's clocks mended
+    variant: Variant[Core]
+
+    @cached_property
+    def train(self) -> Tangents:
+        """On the records to fit."""
+        return tangents(self.evidence.train, self.variant, FIT_SAMPLES)
+
+    @cached_property
+    def validation(self) -> Tangents:
+        """On the records to judge by."""
+        return tangents(self.evidence.validation, self.variant, FIT_SAMPLES)
+
+    def with_phantoms(
+        self, variant: Variant[Core], new: Sequence[int]
+    ) -> tuple[tuple[Array, ...], ...]:
+        """Return what this set leaves beside each phantom of effects of another, at their places there.
+
+        A phantom has the columns that the effects' parameters would have, were the effects driven by
+        the command of the record in reverse, or by another record's, less what their own columns
+        explain of them: it can not be the cause, and is as flexible.
+        """
+        train, validation = self.evidence.train, self.evidence.validation
+        count, every = len(train), (*train, *validation)
+        own = self._columns(every, variant, new)
+        found = []
+        for ghosts in (list(map(_reversed, every)), _exchanged(every)):
+            columns = orthogonal(self._columns(ghosts, variant, new), own)
+            both = [
+                np.column_stack([rows[:, :-1], column, rows[:, -1]])
+                for rows, column in zip(
+                    (*self.train.rows, *self.validation.rows), columns, strict=True
+                )
+            ]
+            free = np.ones(columns[0].shape[1], dtype=np.bool_)
+            moves = np.concatenate([self.train.moves, free])
+            found.append(tuple(cross_fitted(both[:count], moves, both[count:])))
+        return (self.alone, *found)
+
+    @cached_property
+    def alone(self) -> tuple[Array, ...]:
+        """What the set leaves without a phantom, by the same steps."""
+        return tuple(cross_fitted(self.train.rows, self.train.moves, self.validation.rows))
+
+    def _columns(
+        self, records: Sequence[Record], variant: Variant[Core], new: Sequence[int]
+    ) -> list[Array]:
+        count, found = len(self.evidence.train), []
+        for part in (records[:count], records[count:]):
+            by_effect = [effect_tangents(part, variant, k, FIT_SAMPLES) for k in new]
+            found += [np.hstack(columns) for columns in zip(*by_effect, strict=True)]
+        return found
+
+
+def _reversed(record: Record) -> Record:
+    return replace(record, u_V=record.u_V[::-1].copy(), before_V=np.zeros(0))
+
+
+def _exchanged(records: Sequence[Record]) -> list[Record]:
+    """Return records, each with the command of the next of another name, repeated or cut."""
+    names = list(dict.fromkeys(r.name for r in records))
+    by_name = {r.name: r for r in records}
+    found = []
+    for record in records:
+        other = by_name[names[(names.index(record.name) + 1) % len(names)]]
+        u = other.u_V if other is not record else np.roll(record.u_V, record.u_V.size // 2)
+        found.append(replace(record, u_V=np.resize(u, record.u_V.size), before_V=np.zeros(0)))
+    return found

@@ -1,0 +1,133 @@
+"""The score: cross-fitted residuals in blocks, the logarithm of each block's mean square over the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from rdpi_gym.diagnosis.beam.constants import (
+    BLOCK_LENGTHS,
+    FEWEST_BLOCKS,
+    FOLDS,
+    MOST_BLOCKS,
+    RIDGE,
+)
+from rdpi_gym.identification.least_squares import BoolArray
+from rdpi_gym.support.arrays import Array
+
+
+def correlation_length(left: Array) -> float:
+    """Integrated autocorrelation length of a residual (samples), 1 for white noise.
+
+    Notes
+    -----
+    1 + 2 Σ ρ_k up to the first ρ_k that is not positive.
+    """
+    x = left - left.mean()
+    size = 2 * x.size
+    power = np.abs(np.fft.rfft(x, size)) ** 2
+    covariance = np.fft.irfft(power, size)[: x.size]
+    if covariance[0] <= 0.0:
+        return 1.0
+    rho = covariance / covariance[0]
+    ends = np.flatnonzero(rho <= 0.0)
+    return float(1.0 + 2.0 * rho[1 : int(ends[0]) if ends.size else x.size].sum())
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Division of the samples of all records into blocks that count as independent."""
+
+    counts: tuple[int, ...]  # Blocks of each record
+
+    @classmethod
+    def of(cls, lefts: Sequence[Array]) -> Blocks:
+        """Divide records by how long their residuals are correlated."""
+        counts = []
+        for left in lefts:
+            wanted = left.size / (BLOCK_LENGTHS * correlation_length(left))
+            most = min(MOST_BLOCKS, max(left.size // 2, 1))
+            counts.append(int(min(max(wanted, min(FEWEST_BLOCKS, most)), most)))
+        return cls(tuple(counts))
+
+    def mean_squares(self, lefts: Sequence[Array]) -> Array:
+        """Return the mean square of each block (µm²), ``(B,)``."""
+        found = []
+        for left, count in zip(lefts, self.counts, strict=True):
+            edges = np.linspace(0, left.size, count + 1).astype(np.intp)
+            found.append(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
+        return np.concatenate(found)
+
+    def scores(self, lefts: Sequence[Array], floor_um: float) -> Array:
+        """Return the score of each block (nats), ``(B,)``: zero at the floor and below."""
+        ratio = self.mean_squares(lefts) / max(floor_um**2, 1e-300)
+        return np.log(np.maximum(ratio, 1.0))
+
+
+def cross_fitted(
+    rows: Sequence[Array], moves: BoolArray, validation: Sequence[Array] = ()
+) -> list[Array]:
+    """Return what a linearised model leaves of stretches to which it was not fitted (µm), by record.
+
+    Parameters
+    ----------
+    rows
+        By record that is fitted: derivatives by each number, and the residual, ``(N, P + 1)``.
+    moves
+        Which of the numbers may move, ``(P,)``.
+    validation
+        The same of records that are never fitted.
+
+    Notes
+    -----
+    One Gauss-Newton step from the fit to all other stretches, for each stretch: leave-one-out of
+    blocks in closed form, at the price of one fit (the approximate cross-validation of Beirami et
+    al. 2017 and Giordano et al. 2019).
+    """
+    columns = np.flatnonzero(moves)
+    pairs = [(each[:, columns], each[:, -1]) for each in rows]
+    gram = np.sum([x.T @ x for x, _ in pairs], axis=0)
+    pull = np.sum([x.T @ left for x, left in pairs], axis=0)
+    ridge = np.diag(RIDGE * np.diag(gram) + 1e-300)
+    found = []
+    for x, left in pairs:
+        out = left.copy()
+        for part in _stretches(left.size):
+            own, own_left = x[part], left[part]
+            step = _solved(gram - own.T @ own + ridge, pull - own.T @ own_left)
+            out[part] = own_left - own @ step
+        found.append(out)
+    step = _solved(gram + ridge, pull)
+    found += [each[:, -1] - each[:, columns] @ step for each in validation]
+    return found
+
+
+def whole_step(rows: Sequence[Array], moves: BoolArray) -> Array:
+    """Return the Gauss-Newton step of the numbers that may move, to all records."""
+    columns = np.flatnonzero(moves)
+    gram = np.sum([x[:, columns].T @ x[:, columns] for x in rows], axis=0)
+    pull = np.sum([x[:, columns].T @ x[:, -1] for x in rows], axis=0)
+    return _solved(gram + np.diag(RIDGE * np.diag(gram) + 1e-300), pull)
+
+
+def _solved(gram: Array, pull: Array) -> Array:
+    if not pull.size:
+        return pull
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    step: Array = np.linalg.solve(gram / np.outer(size, size), pull / size) / size
+    return step
+
+
+def _stretches(samples: int) -> list[slice]:
+    edges = np.linspace(0, samples, min(FOLDS, samples) + 1).astype(np.intp)
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def orthogonal(columns: Sequence[Array], to: Sequence[Array]) -> list[Array]:
+    """Return columns (by record) less what others of the same records explain of them."""
+    ours, theirs = np.concatenate(columns), np.concatenate(to)
+    ours = ours - theirs @ np.linalg.lstsq(theirs, ours, rcond=RIDGE)[0]
+    return np.split(ours, np.cumsum([len(each) for each in columns])[:-1])

@@ -1,0 +1,289 @@
+"""The search: a beam of sets, each by every move, until no move is better by the one decision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from rdpi_gym.diagnosis.beam.constants import (
+    BEAM,
+    LEAST_WEIGHT,
+    LEVEL,
+    REFITTED,
+    ROUNDS,
+    TEMPERATURE,
+)
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, drawn_weights, log_prior
+from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS, Look, Place, kinds, raced
+from rdpi_gym.diagnosis.beam.score import Blocks
+from rdpi_gym.diagnosis.search.verdict import numerical_floor
+from rdpi_gym.identification.cores import first_fit
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.plant import CORES, RDPI
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects.unknown import Unknown
+from rdpi_gym.support.arrays import Array
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import Pool
+from rdpi_gym.support.progress import Progress, silent
+
+Key = tuple[str, ...]
+
+
+def begun(evidence: Evidence) -> Visited:
+    """Return the set without effects: RDPI, or a stop model where loops turn clockwise."""
+    kind: type[Core] = CORES["stop"] if evidence.clockwise else RDPI
+    core: Core | None = kind.comb(evidence.scale)
+    if len(kind.starts(evidence.scale)) > 1:
+        fit = first_fit(evidence.train, kind, (), evidence.scale)
+        core = None if fit is None else fit.variant.hysteresis
+    found = None if core is None else refitted(evidence, Model(core))
+    if found is None:
+        raise InputError(f"no {kind.name} model can be fitted to the records")
+    return found
+
+
+def expanded(
+    evidence: Evidence, known: Collection[Key], one: tuple[Visited, bool]
+) -> list[Visited]:
+    """Return the sets that moves make of one, those that the race leaves refitted whole.
+
+    With each set stands whether there is anything that more effects could take. Sets without an
+    effect that are `known` are not refitted again.
+    """
+    of, grows = one
+    here, model = evidence.mended(of.model.clocks), of.model
+    found: list[Visited | None] = []
+    if grows:
+        place = Place(here, model)
+        base = place.stepped()
+        singles = place.additions(base)
+        looks = [*singles, *place.pairs(singles, base), *place.clocks()]
+        found += _refitted(evidence, of, base, looks, REFITTED)
+        for forms in place.forms():  # of each effect that is there, besides
+            found += _refitted(evidence, of, base, forms, 1)
+    for effect in model.effects:
+        rest = replace(model, effects=tuple(e for e in model.effects if e is not effect))
+        found += [refitted(evidence, rest, of.key)] if rest.key not in known else []
+    return [each for each in found if each is not None]
+
+
+def with_free_blocks(evidence: Evidence, of: Visited) -> list[Visited]:
+    """Return the sets with the best free block beside all effects, and in the place of each."""
+    here = evidence.mended(of.model.clocks)
+    place = Place(here, of.model)
+    found = _refitted(evidence, of, place.stepped(), place.blocks(), 1)
+    for effect in of.model.effects:
+        bare = place.without(effect.name)
+        found += _refitted(evidence, of, bare.stepped(), bare.blocks(), 1)
+    return [each for each in found if each is not None]
+
+
+def of_other_kinds(evidence: Evidence, of: Visited) -> list[Visited]:
+    """Return the set with every other kind of hysteresis, those that come near refitted whole."""
+    found = []
+    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um):
+        one = refitted(evidence, model, of.key)
+        found += [one] if one is not None else []
+    return [replace(each, tried=len(found)) for each in found]
+
+
+def _refitted(
+    evidence: Evidence, of: Visited, base: Look, looks: Sequence[Look], most: int
+) -> list[Visited | None]:
+    here = evidence.mended(of.model.clocks)
+    linear = Linear(here, Variant(of.model.core, of.model.effects))
+    found: list[Visited | None] = []
+    for look in raced(base, looks, here, most):
+        one = refitted(evidence, look.model, of.key)
+        if one is None:
+            continue
+        new = [k for k, e in enumerate(one.model.effects) if e.name in look.new]
+        variant = Variant(one.model.core, one.model.effects)
+        ghosts = linear.with_phantoms(variant, new) if new else ()
+        found.append(replace(one, ghosts=ghosts, tried=len(looks)))
+    return found
+
+
+@dataclass
+class Beam:
+    """Sets that were visited, and the decisions on them."""
+
+    evidence: Evidence
+    seed: int = 0
+    visited: dict[Key, Visited] = field(default_factory=dict)
+    accepted: set[Key] = field(default_factory=set)  # Sets that a chain of better moves leads to
+
+    def add(self, found: Sequence[Visited]) -> None:
+        """Add visited sets; of two visits of one set the better one stays."""
+        for one in found:
+            known = self.visited.setdefault(one.key, one)
+            if one.rmse_um < known.rmse_um:  # it came there by another move
+                better = replace(known, model=one.model, fit=one.fit, lefts=one.lefts)
+                self.visited[one.key] = better
+
+    def scored(self) -> Scores:
+        """Score all sets on common blocks, at the floor of the one that leaves least."""
+        sets = list(self.visited.values())
+        least = min(sets, key=lambda each: each.rmse_um)
+        noise_um = self.evidence.floor_um(least.lefts)
+        variant = Variant(least.model.core, least.model.effects)
+        here = self.evidence.mended(least.model.clocks)
+        floor_um = math.hypot(noise_um, numerical_floor(variant, here.validation).borne_um)
+        return Scores(tuple(sets), Blocks.of(least.lefts), noise_um, floor_um, self.seed)
+
+    def accept(self, found: Sequence[Visited], scores: Scores) -> None:
+        """Accept the sets that are better than their parents, and those with less that are no worse."""
+        more = [one for one in found if len(one.model.names) >= len(self._parent(one).model.names)]
+        for one, chance in zip(more, scores.chances_of(more), strict=True):
+            if chance < LEVEL:
+                self.accepted.add(one.key)
+        for one in found:
+            parent = self._parent(one)
+            if one not in more and parent.key in self.accepted:
+                gain = scores.of(one) - scores.of(parent)
+                if chances(gain[None], np.zeros(1), scores.draws)[0] >= LEVEL:
+                    self.accepted.add(one.key)
+
+    def _parent(self, one: Visited) -> Visited:
+        return self.visited[one.parent] if one.parent is not None else one
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Scores of sets on common blocks."""
+
+    sets: tuple[Visited, ...]
+    blocks: Blocks
+    noise_um: float  # Noise floor (µm rms)
+    floor_um: float  # With what the simulation of the records leaves open
+    seed: int
+
+    @cached_property
+    def draws(self) -> Array:
+        """Draws of the bootstrap."""
+        return draw_blocks(sum(self.blocks.counts), self.seed)
+
+    @cached_property
+    def table(self) -> Array:
+        """Score of each set in each block (nats), ``(K, B)``."""
+        return np.array([self.of(one) for one in self.sets])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weight of each set in each draw, ``(DRAWS, K)``."""
+        priors = [prior_of(one.model) for one in self.sets]
+        price = np.array([self._price(one) for one in self.sets])
+        return drawn_weights(self.table + price[:, None], priors, self.draws)
+
+    def _price(self, one: Visited) -> float:
+        """Return what the phantoms of all moves that led to a set gain (nats a block)."""
+        before = 0.0 if one.parent is None else self._price(self._by_key[one.parent])
+        return before + self._bar(one)
+
+    @cached_property
+    def _by_key(self) -> dict[Key, Visited]:
+        return {one.key: one for one in self.sets}
+
+    def of(self, one: Visited) -> Array:
+        """Score of each block of a set (nats)."""
+        return self.blocks.scores(one.lefts, self.floor_um)
+
+    def is_at_floor(self, one: Visited) -> bool:
+        """Whether all that is left could not pay for one effect more."""
+        ratio = self.blocks.mean_squares(one.lefts) / self.floor_um**2
+        left = max(float(np.log(np.maximum(ratio, 1e-12)).mean()), 0.0) * ratio.size / TEMPERATURE
+        return left < log_prior(0, len(CATALOGUE)) - log_prior(1, len(CATALOGUE))
+
+    def chances_of(self, moves: Sequence[Visited]) -> list[float]:
+        """Return for each move the chance that it is no better than its parent and its phantoms."""
+        found = {}
+        for parent in {one.parent for one in moves if one.parent is not None}:
+            own = [one for one in moves if one.parent == parent]
+            here = self.of(self._by_key[parent])
+            gains = np.array([here - self.of(one) for one in own])
+            chance = chances(gains, np.array([self._bar(one) for one in own]), self.draws)
+            for one, each in zip(own, chance, strict=True):
+                found[one.key] = min(float(each) * max(one.tried / len(own), 1.0), 1.0)
+        return [found.get(one.key, 1.0) for one in moves]
+
+    def _bar(self, one: Visited) -> float:
+        """Return what the best phantom of a move gains (nats a block)."""
+        if not one.ghosts:
+            return 0.0
+        alone, *ghosts = (self.blocks.scores(each, self.floor_um).mean() for each in one.ghosts)
+        return max(0.0, *(float(alone - each) for each in ghosts))
+
+
+def prior_of(model: Model) -> float:
+    """Logarithm of the prior of a set: of its effects, their forms, and its kind of core."""
+    found = log_prior(len(model.names), len(CATALOGUE))
+    for effect in model.effects:
+        if isinstance(effect, Unknown) or effect.name == Unknown.name:
+            found -= math.log(len(FREE_BLOCKS))
+        elif effect.form:
+            found -= math.log(len(forms_of(type(effect))))
+    if model.core.name != RDPI.name:
+        found -= math.log(len(CORES))
+    return found
+
+
+def searched(
+    evidence: Evidence, jobs: int = 1, seed: int = 0, progress: Progress | None = None
+) -> tuple[Beam, Scores, Visited]:
+    """Run the beam to its end; return all sets, their scores, and the best one with names alone."""
+    report, pool = progress or silent, Pool(jobs)
+    beam = Beam(evidence, seed)
+    base = begun(evidence)
+    beam.add([base])
+    beam.accepted.add(base.key)
+    done: set[Key] = set()
+    asked_kinds = False
+    for number in range(ROUNDS):
+        report("rounds of the beam", number, ROUNDS)
+        scores = beam.scored()
+        front = [one for one in _front(beam, scores) if one.key not in done]
+        front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
+        if front:
+            cases = [(one, not scores.is_at_floor(one)) for one in front]
+            lists = pool.map(partial(expanded, evidence, frozenset(beam.visited)), cases)
+        elif not asked_kinds and not scores.is_at_floor(best := best_of(beam, scores)):
+            asked_kinds, front = True, [best]
+            bare = [base] if best.model.effects else []
+            lists = pool.map(partial(of_other_kinds, evidence), [best, *bare])
+        else:
+            break
+        found = [one for each in lists for one in each]
+        beam.add(found)
+        done |= {one.key for one in front}
+        beam.accept(found, beam.scored())
+    scores = beam.scored()
+    best = best_of(beam, scores)
+    if not scores.is_at_floor(best):
+        beam.add(with_free_blocks(evidence, best))
+        scores = beam.scored()
+    report("rounds of the beam", ROUNDS, ROUNDS)
+    return beam, scores, best
+
+
+def best_of(beam: Beam, scores: Scores) -> Visited:
+    """Return the accepted set of the largest weight."""
+    mean = scores.weights.mean(axis=0)
+    chosen = [k for k, one in enumerate(scores.sets) if one.key in beam.accepted]
+    return scores.sets[max(chosen, key=lambda k: mean[k])]
+
+
+def _front(beam: Beam, scores: Scores) -> list[Visited]:
+    """Return the accepted sets that go on: the best few that have a weight among them."""
+    chosen = [k for k, one in enumerate(scores.sets) if one.key in beam.accepted]
+    mean = scores.weights[:, chosen].mean(axis=0)
+    mean = mean / max(float(mean.sum()), 1e-300)
+    order = [int(k) for k in np.argsort(-mean)[:BEAM] if mean[k] >= LEAST_WEIGHT]
+    return [scores.sets[chosen[k]] for k in order]

@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from rdpi_gym.diagnosis.beam import constants
+from rdpi_gym.diagnosis.beam.score import Blocks, correlation_length, cross_fitted, orthogonal
+
+
+def test_white_noise_is_correlated_over_one_sample_and_an_autoregression_over_its_memory():
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=20_000)
+    slow = np.zeros_like(white)
+    for k in range(1, slow.size):
+        slow[k] = 0.9 * slow[k - 1] + white[k]
+    assert correlation_length(white) == pytest.approx(1.0, abs=0.1)
+    assert correlation_length(slow) == pytest.approx(1.9 / 0.1, rel=0.25)  # (1 + a) / (1 - a)
+
+
+def test_scores_are_logarithms_above_the_floor_and_zero_below():
+    left = np.concatenate([np.full(100, 2.0), np.full(100, 0.1)])
+    blocks = Blocks((2,))
+    assert blocks.scores([left], 1.0) == pytest.approx([np.log(4.0), 0.0])
+
+
+def test_a_slow_residual_has_few_blocks_and_a_white_one_many():
+    rng = np.random.default_rng(1)
+    slow = np.cumsum(rng.normal(size=4000))
+    assert Blocks.of([slow]).counts == (constants.FEWEST_BLOCKS,)
+    assert Blocks.of([rng.normal(size=4000)]).counts == (constants.MOST_BLOCKS,)
+
+
+def test_cross_fit_of_a_linear_model_is_the_refit_without_each_stretch():
+    rng = np.random.default_rng(2)
+    x, noise = rng.normal(size=(320, 3)), rng.normal(size=320)
+    y = x @ [1.0, -2.0, 0.5] + noise
+    whole = np.linalg.lstsq(x, y, rcond=None)[0]
+    rows = np.column_stack([x, y - x @ whole])
+    (found,) = cross_fitted([rows], np.ones(3, dtype=np.bool_))
+    part = np.arange(320) < 320 // constants.FOLDS
+    rest = np.linalg.lstsq(x[~part], y[~part], rcond=None)[0]
+    assert found[part] == pytest.approx((y - x @ rest)[part], abs=1e-5)
+    assert np.sum(found**2) > np.sum(rows[:, -1] ** 2)
+
+
+def test_a_number_that_may_not_move_has_no_part_in_the_cross_fit():
+    rng = np.random.default_rng(3)
+    x, left = rng.normal(size=(200, 2)), rng.normal(size=200)
+    one = cross_fitted([np.column_stack([x[:, :1], left])], np.array([True]))
+    both = cross_fitted([np.column_stack([x, left])], np.array([True, False]))
+    assert both[0] == pytest.approx(one[0])
+
+
+def test_phantom_columns_hold_nothing_of_the_effect_own_ones():
+    rng = np.random.default_rng(4)
+    own = [rng.normal(size=(50, 2)), rng.normal(size=(70, 2))]
+    ghosts = [a @ [[1.0], [2.0]] + rng.normal(size=(len(a), 1)) for a in own]
+    left = np.concatenate(orthogonal(ghosts, own))
+    assert np.abs(np.concatenate(own).T @ left).max() < 1e-9 * np.abs(np.concatenate(ghosts)).sum()
+
+
+def test_every_number_of_the_search_stands_in_its_table():
+    named = {k: v for k, v in vars(constants).items() if k.isupper() and k != "TABLE"}
+    assert {c.name: c.value for c in constants.TABLE} == named
+    assert len(named) < 25
+    assert all(c.unit and c.meaning and c.source for c in constants.TABLE)

@@ -1,0 +1,87 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
+from rdpi_gym.diagnosis.beam.grades import diagnose
+from rdpi_gym.diagnosis.beam.models import Linear, Model, refitted
+from rdpi_gym.diagnosis.beam.moves import Place
+from rdpi_gym.diagnosis.beam.search import begun
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import P10, Plant
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.support.errors import InputError
+
+TS_S = 2e-3
+
+
+def _records(model, samples=1200):
+    """Two records of steps and ramps with noise of 10 nm, one to judge by."""
+    found = []
+    for k, role in enumerate(("train", "validation")):
+        rng = np.random.default_rng(k)
+        levels = np.repeat(40.0 * rng.uniform(-1.0, 1.0, samples // 60), 60)
+        levels[:60] = 0.0
+        u = np.convolve(levels, np.full(15, 1.0 / 15), mode="full")[:samples]
+        y = Plant(model, TS_S).simulate(u) + 0.01 * rng.normal(size=samples)
+        found.append(Record(f"steps-{k}", np.arange(samples) * TS_S, u, y, ts_s=TS_S, role=role))
+    return found
+
+
+@pytest.fixture(scope="module")
+def crept():
+    """Records of a plant with creep."""
+    creep = CATALOGUE["creep"].forms[0](gain=0.05, time_constant_s=0.3)
+    return Dataset("creep is hidden", tuple(_records(replace(P10, effects=(creep,)))))
+
+
+def test_nothing_is_named_where_nothing_is_hidden():
+    found = diagnose(Dataset("nothing is hidden", tuple(_records(P10))))
+    assert found.graded("found", "likely", "stand-in") == ()
+    assert found.rmse_um == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.slow
+def test_creep_is_named_and_its_probability_is_the_weight_of_its_sets(crept):
+    found = diagnose(crept)
+    assert found.graded("found", "likely") == ("creep",)
+    assert found.core[0] == "rdpi"
+    assert found.rmse_um < 0.1 * found.base_um
+    weights = sum(s.weight for s in found.sets if any(k.startswith("creep") for k in s.key))
+    assert found.names[0].probability == pytest.approx(weights)
+    assert sum(s.weight for s in found.sets) == pytest.approx(1.0)
+    assert {len(s.scores) for s in found.sets} == {len(found.sets[0].scores)}
+
+
+def test_a_phantom_of_creep_gains_next_to_nothing_of_what_creep_does(crept):
+    evidence = Evidence.of(crept)
+    base = begun(evidence)
+    look = Place(evidence, base.model).look(CATALOGUE["creep"].starts(evidence.scale))
+    with_creep = refitted(evidence, look.model, base.key)
+    variant = Variant(with_creep.model.core, with_creep.model.effects)
+    linear = Linear(evidence, Variant(base.model.core, base.model.effects))
+    alone, *ghosts = [
+        np.mean(np.concatenate(lefts) ** 2) for lefts in linear.with_phantoms(variant, [0])
+    ]
+    gain = np.log(alone / with_creep.rmse_um**2)
+    assert gain > 1.0
+    assert all(np.log(alone / ghost) < 0.2 * gain for ghost in ghosts)
+
+
+def test_a_late_record_is_mended_by_the_delay_of_its_own_clock(crept):
+    (record, _) = crept.train[0], crept.validation
+    late = replace(record, u_V=np.interp(record.t_s + 0.01, record.t_s, record.u_V))
+    mended = Clock("delay", record.name, 0.01).mended(late)
+    assert mended.u_V[20:-20] == pytest.approx(record.u_V[20:-20], abs=1e-9)
+    other = Clock("delay", "another", 0.01)
+    assert other.mended(late) is late
+    assert Model(P10.hysteresis, clocks=(other,)).names == {"clock delay of another"}
+
+
+def test_a_data_set_without_records_that_move_is_refused():
+    t = np.arange(200) * TS_S
+    rest = Record("rest", t, np.zeros(200), np.zeros(200), ts_s=TS_S)
+    with pytest.raises(InputError, match="needs records to fit and to validate on"):
+        diagnose(Dataset("rest", (rest,)))
