@@ -28,10 +28,15 @@ name                                    controller
 ``positive-position``                   a mode is damped by a resonant filter of the position
 ``dual-loop``                           a mode is damped by a non-minimum-phase all-pass
 ``adaptive-dual-loop``                  the same on the adaptive feedforward
+``adaptive-core-bank``                  the same on a mixture of cores, its weights estimated online
 ``smith-predictor``                     PI on a model of the path without its delay
 ``lqg-preview``                         state feedback with a disturbance observer
 ``h-infinity``                          mixed-sensitivity design, by python-control
 ======================================  ============================================================
+
+Aliases say what adapts: ``adaptive-inverse-dynamics`` (``adaptive-feedforward``), ``adaptive-play-weights``
+(``adaptive-inverse``), ``adaptive-feedforward-dual-loop`` (``adaptive-dual-loop``),
+``adaptive-feedforward-integral`` (``hybrid``).
 
 What has knobs says so, see :mod:`baselines.tuning`. A new controller is one file in this folder: a subclass of :class:`baselines.base.Baseline` that
 states its ``name``. One of another project is named by an entry point of the group

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,7 @@ from baselines.core_inverse import (
     linear_inverse,
     look_ahead,
 )
+from baselines.feedforward import Feedforward
 from baselines.inverses.linear import preview_weights
 from baselines.least_squares import ForgettingLeastSquares
 from baselines.monitors import BAND_HZ, RingingMonitor
@@ -96,6 +98,7 @@ class AdaptiveFeedforward(Tunable):
     """
 
     name = "adaptive-feedforward"
+    aliases = ("adaptive-inverse-dynamics",)
     knobs = (
         Knob("lead_samples", 1.0, 12.0, 2.0),
         Knob("memory_s", 0.02, 5.0, 0.05, "s", logarithmic=True),
@@ -107,7 +110,6 @@ class AdaptiveFeedforward(Tunable):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        self.inverse = hysteresis_inverse(belief, layout)
         ts, scale = layout.ts_s, layout.scale_um
         delay, series = linear_inverse(belief, ts)
         self.wanted_lead = round(self.settings["lead_samples"] + delay)
@@ -132,7 +134,7 @@ class AdaptiveFeedforward(Tunable):
         self.window = np.minimum(ahead, layout.preview)
         self._rings = self.lead + HALF + 2, 2 + plays
         self.rows = Rows(
-            inverse=len(self.inverse.start(np.zeros(1))),
+            inverse=len(self.inverse_at_rest(np.zeros(1))),
             measured=2 * HALF + 1,
             wanted=self.lead + 2 * HALF + 1,
             plays=len(PLAYS),
@@ -143,6 +145,15 @@ class AdaptiveFeedforward(Tunable):
             last_V=1,
             count=1,
         )
+
+    @cached_property
+    def inverse(self) -> Feedforward:
+        """Inverse of the belief's hysteresis, which w is given to."""
+        return hysteresis_inverse(self.belief, self.layout)
+
+    def inverse_at_rest(self, reference_um: Array) -> Array:
+        """Return the memory at rest of what w is given to, its first row the last command (V)."""
+        return self.inverse.start(reference_um)
 
     @property
     def needed_preview(self) -> int:
@@ -167,7 +178,7 @@ class AdaptiveFeedforward(Tunable):
         """Return the memory at rest; see :meth:`baselines.base.Baseline.start`."""
         lanes = len(reference_um)
         state, of = np.zeros((self.rows.total, lanes)), self.rows.of
-        of(state, "inverse")[:] = self.inverse.start(reference_um)
+        of(state, "inverse")[:] = self.inverse_at_rest(reference_um)
         for name in ("measured", "wanted", "slow"):
             of(state, name)[:] = reference_um
         of(state, "fit")[:] = self.fit.start(lanes)
@@ -208,11 +219,17 @@ class AdaptiveFeedforward(Tunable):
         self._learn(state, counts if learns is None else counts & learns)
         self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
         phi = np.vstack([*derivatives, static])
-        believed = product(self.fit.prior, phi)
-        correction = believed + trust * (lane_products(self.fit.theta(fit), phi) - believed)
+        count = len(phi)
+        believed = product(self.fit.prior[:count], phi)
+        learned = lane_products(self.fit.theta(fit)[:count], phi)
+        correction = believed + trust * (learned - believed)
         most = MOST * self.layout.scale_um
-        wanted: Array = smooth + np.clip(correction, -most, most)
+        wanted: Array = self._value(window, smooth) + np.clip(correction, -most, most)
         return wanted
+
+    def _value(self, window_um: Array, smooth_um: Array) -> Array:
+        """Value of the reference that the correction is added to, from what is shown and its smoothing."""
+        return smooth_um
 
     def _is_free(self, observation: Observation, state: Array) -> NDArray[np.bool_]:
         """Whether the last command was within its limits, so that the plant was driven by w."""
@@ -320,6 +337,7 @@ class AdaptiveInverse(Tunable):
     """
 
     name = "adaptive-inverse"
+    aliases = ("adaptive-play-weights",)
     needs_core = RDPI
     knobs = (
         Knob("memory_s", 0.02, 5.0, 0.1, "s", logarithmic=True),

@@ -145,12 +145,15 @@ class Baseline(ABC):
     Raises
     ------
     InputError
-        The layout reads actions as corrections to a baseline; a baseline computes the command.
+        The layout reads actions as corrections to a baseline; a baseline computes the command. The
+        belief has another kind of hysteresis core than :attr:`needs_core`.
 
     Attributes
     ----------
     name : str
         What the command line and tables call it; stated by the class itself.
+    aliases : tuple of str
+        Further names that it is made by; tables have the first.
     on_feedforwards : bool
         Whether it takes a ``feedforward`` too, and is made on each as ``<name>-<feedforward>``.
     inverts_effects : bool
@@ -160,6 +163,7 @@ class Baseline(ABC):
     """
 
     name: ClassVar[str]
+    aliases: ClassVar[tuple[str, ...]] = ()
     on_feedforwards: ClassVar[bool] = False
     inverts_effects: ClassVar[bool] = False
     needs_core: ClassVar[type[Core] | None] = None
@@ -168,6 +172,12 @@ class Baseline(ABC):
         if layout.action == "correction":
             raise InputError(
                 "actions are read as correction to a baseline; a baseline itself needs a layout with action 'command' or 'increment'"
+            )
+        core, needed = belief.hysteresis, self.needs_core
+        if needed is not None and not isinstance(core, needed):
+            raise InputError(
+                f"{self.name} inverts the core {needed.name}, and belief {belief.name} has the core "
+                f"{core.name}; core-inverse inverts any"
             )
         self.belief = belief
         self.layout = layout

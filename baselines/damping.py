@@ -192,6 +192,8 @@ class AdaptiveDualLoop(DualLoop):
     """
 
     name = "adaptive-dual-loop"
+    aliases = ("adaptive-feedforward-dual-loop",)
+    needs_core = None  # its feedforward inverts any
 
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None

@@ -88,11 +88,6 @@ class Feedforward(Baseline):
     A subclass says by :meth:`compensator_model` which RDPI model it is built on, packs it, states
     what the plays remember at rest, and fills blocks.
 
-    Raises
-    ------
-    InputError
-        As there; the belief has a hysteresis core that it does not invert.
-
     Attributes
     ----------
     any_core : bool
@@ -104,12 +99,6 @@ class Feedforward(Baseline):
 
     def __init__(self, belief: PlantModel, layout: ObservationLayout) -> None:
         super().__init__(belief, layout)
-        core, needed = belief.hysteresis, self.needs_core
-        if needed is not None and not isinstance(core, needed):
-            raise InputError(
-                f"{self.name} inverts the core {needed.name}, and belief {belief.name} has the core "
-                f"{core.name}; core-inverse inverts any"
-            )
         self.model = self.compensator_model(belief.hysteresis)
         self._parameters = self._packed()
         plant = Plant(belief, layout.ts_s)

@@ -48,6 +48,7 @@ class Hybrid(Tunable):
     """
 
     name = "hybrid"
+    aliases = ("adaptive-feedforward-integral",)
     knobs = (
         *AdaptiveFeedforward.knobs,
         Knob("crossover_hz", 1.0, 100.0, 15.0, "Hz", logarithmic=True),

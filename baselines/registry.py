@@ -29,12 +29,15 @@ class Controllers(Mapping[str, BaselineFactory]):
     """Factories of the controllers of this package by name, called with (belief, layout).
 
     Every class in a file of this folder that states a ``name``, and ``<name>-<feedforward>`` for
-    those that are made on feedforwards; the files are read when one is asked for.
+    those that are made on feedforwards; the files are read when one is asked for. Aliases are found
+    and not listed, so that no table has a controller twice.
 
     Examples
     --------
     >>> "pi-classical-static" in CONTROLLERS, "full-preview-inversion" in CONTROLLERS
     (True, False)
+    >>> CONTROLLERS["adaptive-play-weights"].name, "adaptive-play-weights" in list(CONTROLLERS)
+    ('adaptive-inverse', False)
     """
 
     @cached_property
@@ -49,8 +52,13 @@ class Controllers(Mapping[str, BaselineFactory]):
                     found[f"{name}-{under}"] = partial(make, feedforward=feedforward)
         return found
 
+    @cached_property
+    def _aliases(self) -> dict[str, str]:
+        kinds = ((name, vars(make)) for name, make in self._found.items() if isinstance(make, type))
+        return {alias: name for name, own in kinds for alias in own.get("aliases", ())}
+
     def __getitem__(self, name: str) -> BaselineFactory:
-        return self._found[name]
+        return self._found[self._aliases.get(name, name)]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._found)

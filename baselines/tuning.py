@@ -176,6 +176,8 @@ class Tunable(Baseline):
     ----------
     knobs : tuple of Knob
         What can be turned of it.
+    tuned_as : str or None
+        Name of the controller whose committed settings it takes; None: its own.
     settings : mapping
         Value of every knob.
     plant_samples : int
@@ -194,6 +196,7 @@ class Tunable(Baseline):
     """
 
     knobs: ClassVar[tuple[Knob, ...]] = ()
+    tuned_as: ClassVar[str | None] = None
 
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
@@ -217,5 +220,6 @@ def committed_tuning(kind: type[Tunable], belief: PlantModel) -> Tuning | None:
 
 @cache
 def _committed(kind: type[Tunable]) -> dict[str, Tuning]:
-    path = TUNED / f"{kind.name}.json"
-    return read_tunings(path, kind.name, kind.knobs) if path.exists() else {}
+    name = kind.tuned_as or kind.name
+    path = TUNED / f"{name}.json"
+    return read_tunings(path, name, kind.knobs) if path.exists() else {}

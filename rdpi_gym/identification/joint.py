@@ -438,7 +438,7 @@ def fit_joint(
             converged = damping > _LARGEST_DAMPING
             damping *= 10
     best = _with_gains(best, here.gains)
-    if moves > 0:
+    if moves > 0 and not converged:  # one small step after a whole pass moves no derivative
         here = problem.whole_pass(best)
         best = _with_gains(best, here.gains)
         cost = here.least
@@ -499,12 +499,16 @@ def first_steps(
         if near is None
         else problem.changes_at(best, near.columns, near.squares)
     )
+
+    def is_hopeless() -> bool:
+        least = here.least - _HOPE * (here.least - problem.foreseen(best, here))
+        return least > least_um**2 * here.count
+
     best = _with_gains(best, here.gains)
-    here = problem.light_pass(best, here)
+    if not is_hopeless():
+        here = problem.light_pass(best, here)
     cost, damping, tried = here.least, 1e-3, 0
-    while tried < steps:
-        if cost - _HOPE * (cost - problem.foreseen(best, here)) > least_um**2 * here.count:
-            break
+    while tried < steps and not is_hopeless():
         trial = problem.stepped(best, here, damping)
         there = problem.light_pass(trial, here)
         tried += 1

@@ -11,13 +11,16 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import chdir, contextmanager
-from functools import partial
+from functools import lru_cache, partial
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import TypeVar
+from pickle import loads
+from tempfile import TemporaryDirectory
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.backend.reduction import dumps
 from joblib.externals.loky.backend.resource_tracker import ensure_running
 
 from rdpi_gym.support.command import uninterrupted_children
@@ -28,8 +31,9 @@ C = TypeVar("C")
 R = TypeVar("R")
 
 _PATIENCE_S = 5.0
-# Work (s) from which on processes pay: each takes 1.5 s to import and to load kernels.
-_WORTH_S = 4.0
+# Work (s) of one map from which on processes pay: each takes 1.5 s to import and to load kernels, and
+# a search has several maps.
+_WORTH_S = 1.5
 
 
 def run_cases(
@@ -99,14 +103,27 @@ class Pool:
             results[done] = function(cases[done])
             seen(results[done])
         rest = list(enumerate(cases))[len(results) :]
-        for place, result in run_cases(partial(_numbered, function), rest, self._jobs):
-            results[place] = result
-            seen(result)
+        if not rest:
+            return list(results.values())
+        with TemporaryDirectory() as folder:
+            # a function has the records with it: they are sent once, and not with each case
+            told = Path(folder, "function")
+            told.write_bytes(dumps(function))
+            for place, result in run_cases(partial(_numbered, str(told)), rest, self._jobs):
+                results[place] = result
+                seen(result)
         return [results[place] for place in range(len(cases))]
 
 
-def _numbered(function: Callable[[C], R], case: tuple[int, C]) -> tuple[int, R]:
-    return case[0], function(case[1])
+def _numbered(told: str, case: tuple[int, C]) -> tuple[int, Any]:
+    return case[0], _told(told)(case[1])
+
+
+@lru_cache(maxsize=1)
+def _told(path: str) -> Callable[[Any], Any]:
+    """Return the function that the process which has written a file wants to be called."""
+    function: Callable[[Any], Any] = loads(Path(path).read_bytes())
+    return function
 
 
 ALONE = Pool(1)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
+import rdpi_gym
 from baselines.extended import ExtendedInverse
 from baselines.inverses.base import inverse_of
 from baselines.lookup import make_controller
@@ -22,6 +23,7 @@ from benchmarks.tracking.controllers import shipped_policies
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
 from rdpi_gym.firmware.program import Program
+from rdpi_gym.firmware.verify import verify
 from rdpi_gym.plant import CORES, P5, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, load_effect
 from rdpi_gym.plant.parameters import DataScale
@@ -34,6 +36,7 @@ MANY = 334  # lanes: 100,000 samples
 # A search ends where the order of a sum decides its last step.
 ROUNDINGS = {"core-inverse": 1e-9, "pi-core-inverse": 1e-9}
 PLANS = ("iterative-learning", "preview-inversion", "repetitive")
+BANK = "adaptive-core-bank"
 EFFECTS = (
     load_effect("creep")(),
     load_effect("resonance")(f0_hz=700.0, damping=0.02),
@@ -70,13 +73,26 @@ def allowed(program: Program) -> float:
 
 @needs_gcc
 def test_every_controller_gives_the_commands_of_the_one_that_scores(tmp_path: Path) -> None:
-    left_out = (*PLANS, *(() if find_spec("slycot") else ("h-infinity",)))
+    left_out = (*PLANS, BANK, *(() if find_spec("slycot") else ("h-infinity",)))
     for name in (each for each in CONTROLLERS if each not in left_out):
         exported = controller_program(name, RESONANT, TS_S)
         program = as_scored(exported, Case("", name, RESONANT, name))
         found = off_by(program, tmp_path, lanes=MANY)
         assert found <= (0.0 if program.exact else ROUNDINGS.get(name, 1e-13)), name
         assert program.exact or program.inexact_because, name
+
+
+@needs_gcc
+@pytest.mark.slow
+def test_a_bank_of_cores_is_off_by_no_more_than_its_estimate_makes_of_roundings(
+    tmp_path: Path,
+) -> None:
+    """Its cores are summed in another order in C, and least squares make much of a last digit."""
+    exported = rdpi_gym.export_c(P10, tmp_path / "made", controller=BANK, ts_s=TS_S)
+    found = verify(exported.path, records=3, samples=500)
+    double = next(row for row in found.rows if row.what == "records")
+    assert found.passed
+    assert double.largest < 1e-4
 
 
 def test_beliefs_with_effects_are_used() -> None:

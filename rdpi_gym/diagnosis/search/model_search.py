@@ -273,7 +273,9 @@ class ModelSearch(Pruning):
 
     def on_law(self, state: State, given: PlantModel[Any] | None) -> tuple[State, tuple[str, ...]]:
         """Return the model with a core of few numbers where that costs little, and remarks."""
-        outcome, notes = in_few_numbers(self.setting, state.outcome, given, self.noise_um)
+        outcome, notes = in_few_numbers(
+            self.setting, state.outcome, given, self.noise_um, self._pool
+        )
         return State(outcome), (*self.orientation, *notes)
 
     def read_all(self, base: State, end: State) -> tuple[State, State]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,7 +16,7 @@ from rdpi_gym.diagnosis.search.candidates import SEARCH_SAMPLES, Outcome, Settin
 from rdpi_gym.diagnosis.words import template, text_of
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import simulate_effects
-from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
+from rdpi_gym.identification.joint import NO_FIT, FirstSteps, JointFit, first_steps, fit_joint
 from rdpi_gym.identification.kinds import beside, compare_kinds, held_out_fit
 from rdpi_gym.identification.residuals import beats
 from rdpi_gym.identification.scale import data_scale
@@ -24,13 +25,13 @@ from rdpi_gym.measurement.quantities import template_of, unit_template
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
+from rdpi_gym.support.parallel import ALONE, Pool
 from rdpi_gym.support.progress import Progress
 from rdpi_gym.support.words import digits
 
 # Of the noise's variance and of the error's, what the law may cost and still be kept.
 _COST = 0.1
 _GRID = 24
-_SEARCH_PASSES = 3
 # Of δ1, relative, and the most steps on the way there.
 _RESOLUTION, _REFINEMENTS = 3e-4, 16
 # Most plays of a law where no model says how many, and the share of all weights that one carries.
@@ -38,7 +39,11 @@ _MOST_PLAYS, _LEAST_WEIGHT = 14, 1e-3
 
 
 def in_few_numbers(
-    setting: Setting, outcome: Outcome, given: PlantModel[Any] | None, noise_um: float
+    setting: Setting,
+    outcome: Outcome,
+    given: PlantModel[Any] | None,
+    noise_um: float,
+    pool: Pool = ALONE,
 ) -> tuple[Outcome, tuple[str, ...]]:
     """Return the refit that a diagnosis ends with, and a sentence where there was a choice.
 
@@ -51,7 +56,7 @@ def in_few_numbers(
         return outcome, (_said(core.slim()),)
     own = given is not None and isinstance(given.hysteresis, RDPI)
     plays = given.hysteresis.n if given is not None and own else None
-    law, sentence = _to_threshold_law(setting, outcome, plays, noise_um)
+    law, sentence = _to_threshold_law(setting, outcome, plays, noise_um, pool)
     return law, (sentence,)
 
 
@@ -68,14 +73,14 @@ def _said(core: Core) -> str:
 
 
 def _to_threshold_law(
-    setting: Setting, outcome: Outcome, given: int | None, noise_um: float
+    setting: Setting, outcome: Outcome, given: int | None, noise_um: float, pool: Pool
 ) -> tuple[Outcome, str]:
     """Return the refit with the thresholds of Eq. 8 where they cost little, and what was decided."""
     fit = outcome.fit
     assert fit is not None
 
     def found() -> Outcome:
-        best = _best_law(setting, fit, given or _MOST_PLAYS)
+        best = _best_law(setting, fit, given or _MOST_PLAYS, pool)
         return assess(setting, "", best if given else _without_tail(best))
 
     law = attempt(found)
@@ -125,32 +130,34 @@ def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) 
     )
 
 
-def _best_law(setting: Setting, fit: JointFit, plays: int) -> JointFit:
+def _best_law(setting: Setting, fit: JointFit, plays: int, pool: Pool) -> JointFit:
     """Search δ1: a grid, for its optima are many, then Brent's method around the best."""
     from scipy.optimize import minimize_scalar
 
     span = setting.scale.span_V
-    a = _rdpi(fit)
-    best = fit
+    at = partial(_at_law, setting, fit, plays)
+    grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
+    tried = pool.map(at, grid.tolist())
 
     def attempt(log_delta1: float) -> float:
-        nonlocal best
-        start = RDPI.from_law((a.a0, *[a.S / plays] * plays), math.exp(log_delta1), a.delta2_s)
-        trial = fit_joint(
-            setting.train, start, fit.variant.effects, _SEARCH_PASSES, samples=SEARCH_SAMPLES
-        )
-        if best is fit or trial.train_rmse_um < best.train_rmse_um:
-            best = trial
-        return trial.train_rmse_um
+        tried.append(at(log_delta1))
+        return tried[-1].train_rmse_um
 
-    grid = np.linspace(math.log(0.05 * span / plays), math.log(2.0 * span / plays), _GRID)
-    errors = [attempt(float(x)) for x in grid]
-    centre, width = float(grid[int(np.argmin(errors))]), float(grid[1] - grid[0])
+    best = min(range(_GRID), key=lambda k: tried[k].train_rmse_um)
+    centre, width = float(grid[best]), float(grid[1] - grid[0])
     minimize_scalar(
         attempt, bounds=(centre - width, centre + width), method="bounded",
         options={"xatol": _RESOLUTION, "maxiter": _REFINEMENTS},
     )  # fmt: skip
-    return fit_joint(setting.train, best.variant.hysteresis, best.variant.effects)
+    found = min(tried, key=lambda each: each.train_rmse_um).variant
+    return fit_joint(setting.train, found.hysteresis, found.effects)
+
+
+def _at_law(setting: Setting, fit: JointFit, plays: int, log_delta1: float) -> FirstSteps:
+    """Give a model the thresholds of a law, and go one step towards its refit."""
+    a = _rdpi(fit)
+    start = RDPI.from_law((a.a0, *[a.S / plays] * plays), math.exp(log_delta1), a.delta2_s)
+    return first_steps(setting.train, start, fit.variant.effects, 1, samples=SEARCH_SAMPLES)
 
 
 def _without_tail(fit: JointFit) -> JointFit:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -92,9 +93,12 @@ class Rounds(Refitting):
             return []
         least_um = self._least_um(begun)
         simple = self._refit(bare, [*new, *better_forms(state.effects, scale)], task, least_um)
-        leaders = [past_cusps(self.setting, o, state.effects) for o in simple[:_LEADERS]]
+        leaders = simple[:_LEADERS]
+        if any(effect.kinked for effect in state.effects):
+            along = partial(past_cusps, self.setting, present=state.effects)
+            leaders = self._pool.map(along, leaders)
         for before, moved in zip(simple, leaders, strict=False):
-            if moved is not before:
+            if moved.errors != before.errors:
                 self._seen(moved)
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
         self._floor_from(outcomes)
@@ -328,29 +332,34 @@ class Rounds(Refitting):
         usable = [r for r in ranked if r.outcome.fit is not None and r.candidate.effect not in have]
         by_train = sorted(usable, key=lambda r: r.outcome.errors.train_rmse_um)
         nominees = {r.candidate.effect: r for r in (*usable[:2], *by_train[:_NOMINEES])}
-        best: tuple[float, Outcome, list[str]] | None = None
         pairs = list(combinations(nominees, 2))
-        for done, (first, second) in enumerate(pairs):
+        cases = [(nominees[first].outcome, self.catalogue[second]) for first, second in pairs]
+        done = 0
+
+        def seen(outcome: Outcome) -> None:
+            nonlocal done
+            done += 1
             self._progress("pairs", done, len(pairs))
-            start = nominees[first].outcome.fit
-            assert start is not None
-            outcome = refit(
-                self.setting, start.variant.hysteresis, start.variant.effects,
-                self.catalogue[second],
-            )  # fmt: skip
-            if outcome.fit is not None and (best is None or outcome.mean_square < best[0]):
-                best = (outcome.mean_square, outcome, [first, second])
-        if best is None:
+
+        self._progress("pairs", 0, len(pairs))
+        outcomes = self._pool.map(partial(_with_another, self.setting), cases, seen)
+        tried = [(o, names) for o, names in zip(outcomes, pairs, strict=True) if o.fit is not None]
+        if not tried:
             return []
-        kinds = [self.catalogue[name] for name in best[2]]
-        together = rank(state.outcome, [best[1]], kinds, self.noise_um, self._seed)[0]
-        alone = min(nominees[name].outcome.mean_square for name in best[2])
-        if not together.earned or best[0] > alone - LEAST_GAIN * self.noise_um**2:
+        best, names = min(tried, key=lambda pair: pair[0].mean_square)
+        kinds = [self.catalogue[name] for name in names]
+        together = rank(state.outcome, [best], kinds, self.noise_um, self._seed)[0]
+        alone = min(nominees[name].outcome.mean_square for name in names)
+        if not together.earned or best.mean_square > alone - LEAST_GAIN * self.noise_um**2:
             return []
-        return [
-            Ranked(best[1], of_effect(together.candidate, best[1].fit, name), True)
-            for name in best[2]
-        ]
+        return [Ranked(best, of_effect(together.candidate, best.fit, name), True) for name in names]
+
+
+def _with_another(setting: Setting, pair: tuple[Outcome, type[Effect]]) -> Outcome:
+    """Refit a model with an effect more."""
+    fit = pair[0].fit
+    assert fit is not None
+    return refit(setting, fit.variant.hysteresis, fit.variant.effects, pair[1])
 
 
 def _as_it_stands(setting: Setting, fit: JointFit, effect: str = "") -> Outcome:

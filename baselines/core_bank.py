@@ -1,0 +1,384 @@
+"""``adaptive-core-bank``: the kind of hysteresis identified while driving, as a mixture of nominal cores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from baselines.adaptive_feedforward import HALF, MOST, PLAYS, PRODUCTS, SPLINE
+from baselines.adaptive_feedforward import POWERS as POWERS_OF_R
+from baselines.base import Observation, Rows, product, shift_in
+from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
+from baselines.least_squares import NestedLeastSquares
+from baselines.tuning import Settings
+from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.plant import PlantModel, named_plant, pack
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.bouc_wen_kernel import bouc_wen_block
+from rdpi_gym.plant.cores.duhem import Duhem, duhem_block
+from rdpi_gym.plant.cores.generalised import generalised_block
+from rdpi_gym.plant.cores.play import play
+from rdpi_gym.plant.cores.preisach import preisach_block
+from rdpi_gym.support.arrays import Array
+
+NOMINAL = ("preisach", "bouc_wen", "asymmetric_bouc_wen", "duhem", "generalised_pi")
+"""Cores of the bank: the library's models of a measured PICMA stack, scaled to a belief."""
+LENGTHS = (0.2, 0.8)
+"""Length constants of generic inner variables, as shares of the command range."""
+THRESHOLDS = (0.03, 0.06, 0.1, 0.15, 0.26, 0.4)
+"""Thresholds of generic plays, as shares of the command range."""
+POWERS = (1, 2, 3)
+"""Powers of the place in the command range."""
+CORE_SPREAD = 0.5
+"""Expected size of the weight of a nominal core."""
+INNER_SPREAD, GENERIC_SPREAD = 0.2, 0.1
+"""Expected size of the gains of inner variables, and of powers and plays, over the belief's."""
+STATIC_SHARE = 0.3
+"""Expected size of the corrections without dynamics, over that of ``adaptive-feedforward``: the cores
+carry most of them."""
+HYSTERETIC = slice(5, 5 + len(PLAYS) + len(PRODUCTS) + len(POWERS_OF_R))
+"""Corrections of the hysteresis by plays, products and powers, among all of ``adaptive-feedforward``."""
+NEGLIGIBLE = 1e-3
+"""Size of these in the simple model, which has the belief's own hysteresis."""
+TRIES = 3
+"""Commands that are tried for one sample: each is on the chord of the two before."""
+LEAST_SLOPE, LARGEST_SLOPE = 0.3, 3.0
+"""Bounds of a chord's slope, over the belief's smallest and largest gain."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A nominal core on a command range: y = gain (core(shift + scale u) - rest)."""
+
+    core: Core
+    gain: float
+    rest_um: float  # of the core at 0 V of the belief
+
+
+@lru_cache(maxsize=64)
+def _library_core(kind: str) -> tuple[Core, tuple[float, float]]:
+    """Return a library core with the command range (V) that it was identified on."""
+    plant = named_plant(f"picma-{kind}")
+    return plant.hysteresis, plant.command_range_V
+
+
+def _walked(core: Core, ts_s: float, commands_V: Sequence[float], rest_V: float) -> Array:
+    """Displacements (µm) along a slow walk from rest at a command."""
+    u = np.array(commands_V)[:, None]
+    state = np.zeros((2 + core.n, 1))
+    state[2:, 0] = core.settled((rest_V,))
+    y = np.empty_like(u)
+    type(core).block(u, np.zeros_like(u), pack([core], ts_s, [0.0]), state, y)
+    walked: Array = y[:, 0]
+    return walked
+
+
+class CoreBank:
+    """y = H_0[u] + Σ w_c (H_c[u] - H_0[u]) + Σ g_i b_i[u] with its inverse; H_0 is the belief's core.
+
+    The H_c are nominal cores of the library, scaled to the command range and the stroke of the belief.
+    The b_i are generic: three powers of u, inner variables of two lengths, and plays times the place in
+    the range, which bend rising and falling branches unlike. A column is what each of them gives for the applied
+    command, so the weights enter linearly and no noise does. The command is found along chords, a
+    fixed number of evaluations on copies of the memory.
+    """
+
+    def __init__(self, belief: PlantModel, layout: ObservationLayout, kept: int) -> None:
+        core, ts = belief.hysteresis, layout.ts_s
+        self.core, self._ts_s, self._kept = core, ts, kept
+        low, high = layout.command_range_V
+        self._range_V = (low, high)
+        self.rest_V = min(max(0.0, low), high)
+        rest, *swing = _walked(core, ts, (0.0, low, high), 0.0)
+        stroke_um = swing[1] - swing[0]
+        members = [self._member(kind, stroke_um) for kind in NOMINAL]
+        inner = [Duhem(b=0.0, c=1.0, length_V=part * (high - low)) for part in LENGTHS]
+        self.cores = [*(member.core for member in members), *inner]
+        self._packed = [pack([each], ts, [0.0]) for each in self.cores]
+        self._anchor = pack([core], ts, [belief.offset_um])
+        self._lanes = 1
+        self.gains = tuple(member.gain for member in members)
+        self.rests_um = tuple(member.rest_um for member in members)
+        self._rest_um = float(rest) + belief.offset_um
+        *_, own_range = _library_core(NOMINAL[0])
+        scale = (own_range[1] - own_range[0]) / (high - low)
+        self._place = (scale, own_range[0] - scale * low, 0.5 * (low + high), 0.5 * (high - low))
+        self.thresholds_V = tuple(part * (high - low) for part in THRESHOLDS)
+        self.count = len(self.cores) + len(POWERS) + len(THRESHOLDS)
+        self.slopes = (LEAST_SLOPE * core.a0, core.A, LARGEST_SLOPE * core.A)
+        counts = {f"member_{i}": 2 + each.n for i, each in enumerate([core, *self.cores])}
+        self.rows = Rows(
+            last_V=1,
+            rate_V_s=1,
+            asked_um=1,
+            columns=1 + self.count,
+            ring=kept * (1 + self.count),
+            members=sum(counts.values()) + len(THRESHOLDS),
+        )
+        ends = np.cumsum([0, *counts.values()]).tolist()
+        self._states = tuple(int(end) for end in ends)
+        self._tables = tuple(
+            int(end) for end in np.cumsum([0, *(len(each) for each in self._packed)]).tolist()
+        )
+        self._table = np.concatenate(self._packed)
+
+    def _member(self, kind: str, stroke_um: float) -> Member:
+        core, (low, high) = _library_core(kind)
+        own_low, own_high = self._range_V
+        rest_V = low - own_low * (high - low) / (own_high - own_low)
+        rest, bottom, top = _walked(core, self._ts_s, (rest_V, low, high), rest_V)
+        return Member(core, float(stroke_um / (top - bottom)), float(rest))
+
+    def spreads(self) -> list[float]:
+        """Return the expected sizes of the weights, as the columns are ordered."""
+        gain = self.core.A
+        inner, others = len(LENGTHS), len(POWERS) + len(THRESHOLDS)
+        return [
+            *[CORE_SPREAD] * len(NOMINAL),
+            *[INNER_SPREAD * gain] * inner,
+            *[GENERIC_SPREAD * gain] * others,
+        ]
+
+    def start(self, reference_um: Array) -> Array:
+        """Return the memory at rest at the command nearest 0 V, float64[rows, B]."""
+        lanes = len(reference_um)
+        memory, of = np.zeros((self.rows.total, lanes)), self.rows.of
+        members = of(memory, "members")
+        shift = self._place[1]
+        for i, core in enumerate([self.core, *self.cores]):
+            is_nominal = 0 < i <= len(NOMINAL)
+            rest_V = shift if is_nominal else 0.0
+            own = members[self._states[i] + 2 : self._states[i + 1]]
+            own[:] = core.settled((rest_V,))[:, None]
+        of(memory, "asked_um")[:] = reference_um
+        of(memory, "last_V")[:] = self.rest_V
+        rest = np.full(lanes, self.rest_V)
+        columns = self._columns(rest, np.zeros(lanes), members)
+        of(memory, "columns")[:] = columns
+        of(memory, "ring").reshape(self._kept, 1 + self.count, lanes)[:] = columns
+        return memory
+
+    def take(self, applied_V: Array, memory: Array) -> None:
+        """Move the cores on by the applied command, in place."""
+        of = self.rows.of
+        columns = self._columns(applied_V, of(memory, "rate_V_s")[0], of(memory, "members"))
+        of(memory, "last_V")[0] = applied_V
+        of(memory, "columns")[:] = columns
+        shift_in(of(memory, "ring").reshape(self._kept, 1 + self.count, -1), columns)
+
+    def before(self, memory: Array) -> Array:
+        """Return the columns of the oldest five samples that are kept, smoothed, float64[1 + count, B]."""
+        oldest = self.rows.of(memory, "ring").reshape(self._kept, -1)[: 2 * HALF + 1]
+        return product(SPLINE[0], oldest).reshape(1 + self.count, -1)
+
+    def command(self, wanted_um: Array, weights: Array, most_um: float, memory: Array) -> Array:
+        """Return the command (V) at which the mixture gives what is wanted, from the last one on."""
+        of = self.rows.of
+        asked, rate = of(memory, "asked_um"), of(memory, "rate_V_s")
+        rate[0] = (wanted_um - asked[0]) / (self._ts_s * self.core.A)
+        asked[0] = wanted_um
+        members, last = of(memory, "members"), of(memory, "last_V")
+        search = np.empty((4, len(wanted_um)))
+        search[0] = last[0]
+        search[1] = 0.0
+        search[2] = self.core.A
+        search[3] = last[0]
+        given = (wanted_um, weights, most_um, *self.slopes, *self._range_V, search)
+        _along_chord(of(memory, "columns"), *given)
+        for _ in range(TRIES):
+            _along_chord(self._columns(search[3], rate[0], members.copy()), *given)
+        command: Array = search[3]
+        return command
+
+    def _columns(self, command_V: Array, rate_V_s: Array, members: Array) -> Array:
+        """Return H_0 and the columns after one sample; the members are moved on."""
+        lanes = len(command_V)
+        if lanes != self._lanes:
+            self._lanes = lanes
+            self._table = np.repeat(self._table[:, :1], lanes, axis=1)
+            self._anchor = np.repeat(self._anchor[:, :1], lanes, axis=1)
+        out = np.empty((1 + self.count, lanes))
+        u, v = np.empty((1, lanes)), np.empty((1, lanes))
+        u[0], v[0] = command_V, rate_V_s
+        self.core.block(u, v, self._anchor, members[: self._states[1]], out[:1])
+        _member_columns(
+            u, v, self._table, members, self._tables, self._states, self.gains, self.rests_um,
+            self._rest_um, self._place, self.thresholds_V, out,
+        )  # fmt: skip
+        return out
+
+
+@njit(cache=True)
+def _along_chord(
+    columns: Array,
+    wanted_um: Array,
+    weights: Array,
+    most_um: float,
+    least: float,
+    usual: float,
+    largest: float,
+    low_V: float,
+    high_V: float,
+    search: Array,
+) -> None:
+    """Take in what a command gives, and find the next: rows last command, its displacement, slope, next."""
+    for b in range(wanted_um.shape[0]):
+        added = 0.0
+        for i in range(weights.shape[0]):
+            added += weights[i, b] * columns[1 + i, b]
+        y = columns[0, b] + min(max(added, -most_um), most_um)
+        way = search[3, b] - search[0, b]
+        if abs(way) > 1e-9 * (high_V - low_V):
+            search[2, b] = min(max((y - search[1, b]) / way, least), largest)
+        search[0, b], search[1, b] = search[3, b], y
+        following = search[3, b] + (wanted_um[b] - y) / search[2, b]
+        search[3, b] = min(max(following, low_V), high_V)
+
+
+@njit(cache=True)
+def _member_columns(
+    u: Array,
+    v: Array,
+    p: Array,
+    state: Array,
+    tables: tuple[int, ...],
+    states: tuple[int, ...],
+    gains: tuple[float, ...],
+    rests_um: tuple[float, ...],
+    rest_um: float,
+    place: tuple[float, ...],
+    thresholds_V: tuple[float, ...],
+    out: Array,
+) -> None:
+    """Fill rows 1 ... of the columns; row 0 holds the belief's displacement."""
+    lanes = u.shape[1]
+    w = np.empty_like(u)
+    for b in range(lanes):
+        w[0, b] = place[0] * u[0, b] + place[1]
+    preisach_block(w, v, p[tables[0] : tables[1]], state[states[1] : states[2]], out[1:2])
+    bouc_wen_block(w, v, p[tables[1] : tables[2]], state[states[2] : states[3]], out[2:3])
+    bouc_wen_block(w, v, p[tables[2] : tables[3]], state[states[3] : states[4]], out[3:4])
+    duhem_block(w, v, p[tables[3] : tables[4]], state[states[4] : states[5]], out[4:5])
+    generalised_block(w, v, p[tables[4] : tables[5]], state[states[5] : states[6]], out[5:6])
+    duhem_block(u, v, p[tables[5] : tables[6]], state[states[6] : states[7]], out[6:7])
+    duhem_block(u, v, p[tables[6] : tables[7]], state[states[7] : states[8]], out[7:8])
+    for b in range(lanes):
+        own = out[0, b] - rest_um
+        for i in range(5):
+            out[1 + i, b] = gains[i] * (out[1 + i, b] - rests_um[i]) - own
+        at = (u[0, b] - place[2]) / place[3]
+        for i in range(len(POWERS)):
+            out[8 + i, b] = place[3] * at ** POWERS[i]
+        for i in range(len(thresholds_V)):
+            threshold, row = thresholds_V[i], states[8] + i
+            state[row, b] = play(state[row, b], u[0, b] - threshold, u[0, b] + threshold)
+            out[8 + len(POWERS) + i, b] = at * state[row, b]
+
+
+class BankFeedforward(CorrectedAdaptive):
+    """The adaptive feedforward on a bank of cores, whose weights its least squares estimate too.
+
+    w = y + θ·φ[y] holds of what the hysteresis gives, w, and what is measured, y. Where w is a mixture
+    H_0[u] + Σ w_c D_c[u], H_0[u] - y = θ·φ[y] - Σ w_c D_c[u]: linear in both. The D_c follow the
+    applied command, so a sample counts where the command was at its limit as well. Three models are
+    weighed by how well they predict: the belief's hysteresis behind unknown dynamics, the same with the
+    corrections of ``adaptive-feedforward``, and the mixture.
+    """
+
+    def __init__(
+        self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
+    ) -> None:
+        super().__init__(belief, layout, settings)
+        believed = self.fit.spread
+        self.known = len(believed)
+        simple, mixed = believed.copy(), believed.copy()
+        simple[HYSTERETIC] *= NEGLIGIBLE
+        mixed[3:] *= STATIC_SHARE
+        self.fit = NestedLeastSquares(
+            [*self.fit.prior, *[0.0] * self.bank.count],
+            [simple, believed, [*mixed, *self.bank.spreads()]],
+            noise=self.settings["doubt"] * layout.scale_um,
+            memory_s=self.settings["memory_s"],
+            ts_s=layout.ts_s,
+        )
+        self.rows = Rows(**{**self.rows.counts, "wanted": 0, "last_V": 0, "fit": self.fit.rows})
+
+    @cached_property
+    def bank(self) -> CoreBank:
+        """Cores of the mixture, which keep their columns until y gets there."""
+        return CoreBank(self.belief, self.layout, self.lead + 2 * HALF + 1)
+
+    def inverse_at_rest(self, reference_um: Array) -> Array:
+        """Return the bank's memory at rest, its first row the last command (V)."""
+        return self.bank.start(reference_um)
+
+    def wanted_um(
+        self,
+        observation: Observation,
+        measured_um: Array,
+        reference_um: Array,
+        state: Array,
+        learns: NDArray[np.bool_] | None = None,
+    ) -> Array:
+        """Move the bank on by the applied command; see :meth:`AdaptiveFeedforward.wanted_um`."""
+        self.bank.take(self.layout.command_V(observation), self.rows.of(state, "inverse"))
+        return super().wanted_um(observation, measured_um, reference_um, state, learns)
+
+    def driven(self, observation: Observation, wanted_um: Array, state: Array) -> Array:
+        """Return u(k+1) (V), ``(B,)``, at which the mixture gives w (µm)."""
+        of = self.rows.of
+        trust = of(state, "monitor")[-1]
+        weights = trust * self.fit.theta(of(state, "fit"))[self.known :]
+        memory = of(state, "inverse")
+        last = self.layout.command_V(observation)
+        command = self.bank.command(wanted_um, weights, MOST * self.layout.scale_um, memory)
+        low, high, step = self.limits
+        return np.clip(np.clip(command, low, high), last - step, last + step)
+
+    def compared(self, state: Array) -> tuple[Array, Array]:
+        """Return φ of the measured y beside the columns, and H_0[u] - y (µm), at k - HALF."""
+        of = self.rows.of
+        smooth, *derivatives = product(SPLINE, of(state, "measured"))
+        columns = self.bank.before(of(state, "inverse"))
+        static = of(state, "seen").reshape(*self._rings, -1)[0]
+        return np.vstack([*derivatives, static, -columns[1:]]), columns[0] - smooth
+
+    def _value(self, window_um: Array, smooth_um: Array) -> Array:
+        """Reference itself: smoothing would round its corners."""
+        return window_um[:, self.window[HALF]]
+
+    def _is_free(self, observation: Observation, state: Array) -> NDArray[np.bool_]:
+        """Everywhere: the columns follow the applied command."""
+        return np.ones(len(observation), dtype=bool)
+
+
+class AdaptiveCoreBank(AdaptiveDualLoop):
+    """``adaptive-dual-loop`` on a bank of cores: it adapts the kind of hysteresis, weights and dynamics.
+
+    Nothing but numbers is read of the belief: its core, effects, command range and stroke. The library's
+    nominal cores are scaled to these; generic columns fill what no core of the bank has.
+
+    Examples
+    --------
+    >>> from rdpi_gym.plant import P10
+    >>> layout = ObservationLayout.for_plant(P10, 1e-4, preview=8)
+    >>> AdaptiveCoreBank(P10, layout, {}).feedforward.fit.size
+    36
+
+    Notes
+    -----
+    Mixtures of hysteresis models under one estimate: Kuhnen, Krejčí, IEEE Trans. Autom. Control 54,
+    2009, adapt the weights of one model; here the models are weighed against one another.
+    """
+
+    name = "adaptive-core-bank"
+    tuned_as = AdaptiveDualLoop.name  # the loop is the same
+
+    def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
+        """Return the feedforward on the bank; its settings are those of ``adaptive-feedforward``."""
+        return BankFeedforward(belief, layout)
