@@ -26,7 +26,7 @@ No command reaches this search yet; ``rdpi_gym.diagnosis.search`` is the one tha
   two modes and a zero was named with saturation, delay and sensor lag besides; PICMA with thermal drift,
   congruency, resonance and rate law at 0.155 µm). The exchange of one name for every other is not a move
   of its own yet: it takes an addition and a drop, and so a name need not have beaten every other.
-- Time: about twice the processor time of today where something is hidden; 0.07 s for 2,400 samples where
+- Time: 1.5 times the processor time of today over six plants; 0.07 s for 2,400 samples where
   nothing is.
 - For want of that exchange a set stays where its first name is a near one: sensor lag for an actuator
   lag at 16 floors, where today's search leaves 3.5 (`python -m studies.one_law`).
