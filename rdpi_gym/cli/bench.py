@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from functools import partial
 from itertools import count
@@ -242,36 +241,26 @@ def _bench_diagnosis(
     others: Mapping[str, object],
 ) -> None:
     """Score diagnosers on plants with hidden effects."""
-    from benchmarks.diagnosis import run
-    from benchmarks.stages.run import read_seed
-
     given = [name for name, value in others.items() if value is not None]
     if given:
         raise InputError(f"{given[0]} is not for rdpi bench diagnosis; leave it out")
+    drawn = {} if draws is None else {"plants": draws}
     with progress_bar() as show:
-        outcome = run.run_diagnosers(
-            diagnosers, run.PLANTS if draws is None else draws, out, seed=read_seed(seed_file),
-            jobs=jobs, progress=show, ray_address=ray,
-        )  # fmt: skip
-    rows = outcome.rows
-    command = shlex.join(
-        ["rdpi", "bench", "diagnosis", *(w for name in diagnosers for w in ("--diagnoser", name))]
-        + (["--draws", str(draws)] if draws is not None else [])
-    )
-    page = run.write_page(rows, out, command)
-    table = run.ranking(rows)
-    if not table.empty:
-        print(f"{table['diagnoser'][0]} has the smallest log loss of {len(table)}.")
-        print_table(table, f"diagnosis: {rows[0]['draws']}")
-        print(run.LEGEND)
-    print(f"{len(rows)} rows, {outcome.computed} of them computed now")
-    for note in outcome.notes:
+        scores = rg.score_diagnosers(
+            diagnosers, **drawn, seed_file=seed_file, out=out, jobs=jobs, progress=show, ray=ray
+        )
+    page = scores.write(out)
+    print(scores.answer)
+    print_table(scores.ranking(), f"diagnosis: {scores.seen}")
+    print(scores.legend)
+    print(f"{len(scores.rows)} rows, {scores.computed} of them computed now")
+    for note in scores.notes:
         print(note)
     print(f"tables: {page}")
     for name in diagnosers:
-        said = [str(row["failure"]) for row in rows if row["diagnoser"] == name]
-        if all(said):
-            raise InputError(f"{name} has no score on any plant; the first row says {said[0]!r}")
+        reason = scores.refusal(name)
+        if reason is not None:
+            raise InputError(f"{name} has no score on any plant; the first row says {reason!r}")
 
 
 def _print_scores(scores: rg.TaskScores, own: Sequence[str], out: Path) -> None:

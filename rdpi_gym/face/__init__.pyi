@@ -18,6 +18,8 @@ from rdpi_gym.face.comparison import respond as respond
 from rdpi_gym.face.data import Dataset as Dataset
 from rdpi_gym.face.data import example as example
 from rdpi_gym.face.data import load as load
+from rdpi_gym.face.diagnosers import DiagnoserScores as DiagnoserScores
+from rdpi_gym.face.diagnosers import score_diagnosers as score_diagnosers
 from rdpi_gym.face.display import Result as Result
 from rdpi_gym.face.experiment import PlannedExperiment as PlannedExperiment
 from rdpi_gym.face.experiment import plan_experiment as plan_experiment

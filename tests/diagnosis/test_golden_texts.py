@@ -20,6 +20,7 @@ from rdpi_gym.report.comparison_page import write_compare_page
 from rdpi_gym.support.errors import InputError
 from tests.diagnosis.golden_texts import CHOSEN, FILE, datasets, texts
 from tests.looping import over
+from tests.unpacked import read_page
 
 WANTED = json.loads(FILE.read_text(encoding="utf-8"))
 
@@ -84,7 +85,7 @@ def test_a_page_is_told_in_the_users_units_and_names_stay(tmp_path, quantities):
     data = datasets(quantities)["fading"]
     data = replace(data, title=own, records=(replace(data.records[0], name=own), data.records[1]))
     page = write_compare_page(tmp_path / "page.html", compare(data, named_plant("P5")))
-    text = page.read_text(encoding="utf-8")
+    text = read_page(page)
     assert f"RMSE ({quantities.output.unit})" in text
     assert own in text
     library = r'<script( type="text/plain" id="plotly")?>.*?</script>'
