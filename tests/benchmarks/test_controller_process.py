@@ -34,7 +34,7 @@ def garbage(found):
     found += [type(each).__name__ for each in gc.get_objects() if type(each).__name__ in PLANTS]
 
 def files(found):
-    found += [path.read_text() for path in [FOLDER / "seed", *FOLDER.iterdir()]]
+    found += [path.read_text() for path in [FOLDER / "seed", *FOLDER.glob("*.py")]]
 
 def environment(found):
     found += [name for name, value in os.environ.items() if SECRET in value]
