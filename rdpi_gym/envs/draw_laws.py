@@ -88,7 +88,8 @@ class Wear:
     Examples
     --------
     >>> from rdpi_gym.plant import named_plant
-    >>> Wear(gains=-0.1)(named_plant("P5"), 0.5).hysteresis.a0 / named_plant("P5").hysteresis.a0
+    >>> worn = Wear(gains=-0.1)(named_plant("P5"), 0.5)
+    >>> round(worn.hysteresis.a0 / named_plant("P5").hysteresis.a0, 9)
     0.95
     """
 

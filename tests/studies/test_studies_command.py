@@ -47,6 +47,7 @@ NUMBERS = {
     "firmware_truth": ["--records"],
     "identification": ["--draws", "--rounds"],
     "kind_choice": ["--per"],
+    "one_law": ["--plants"],
     "portraits": ["--plants"],
     "rank_order": ["--draws"],
     "speed": ["--rounds"],
