@@ -1,4 +1,4 @@
-"""What a diagnoser is given and what it answers."""
+"""Answer of a diagnoser to a data set, and its checks."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ _GAP = 1.2  # mean squares of the noise that a base model leaves where there is 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What is true of a plant, as far as its records tell.
+    """True outcomes of a plant, as far as its records tell.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from benchmarks.diagnosis.answers import Answer, checked_answer, checked_predict
 from benchmarks.diagnosis.entries import find_diagnoser
 from benchmarks.diagnosis.scoring import blank
 from benchmarks.stages.confinement import confine
-from benchmarks.stages.isolation import KEPT_VARIABLES
+from benchmarks.stages.isolation import environment_in
 from benchmarks.stages.worker import keep_compiled, readable_places
 from benchmarks.tracking.episode import one_line
 from rdpi_gym.measurement import Dataset, Record
@@ -57,12 +57,10 @@ def diagnose_apart(
         if code is not None:
             shutil.copyfile(code, here / code.name, follow_symlinks=False)
         _write(here / _GIVEN, given, asked)
-        single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        known = {each: os.environ[each] for each in KEPT_VARIABLES if each in os.environ}
         try:
             subprocess.run(
                 [sys.executable, "-I", "-m", "benchmarks.diagnosis.worker", name],
-                cwd=here, env=known | single | {"TMPDIR": folder}, timeout=PATIENCE_S, check=True,
+                cwd=here, env=environment_in(here), timeout=PATIENCE_S, check=True,
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
             with open_npz(here / _ANSWER) as archive:

@@ -35,7 +35,7 @@ class Hypothesis:
 
     @property
     def size(self) -> int:
-        """How many numbers a task draws of such a plant."""
+        """Count of the numbers that a task draws of such a plant."""
         effects = sum(len(drawn_parameters(effect)) for effect in self.nominal.effects)
         return int(self.nominal.hysteresis.factors) + effects
 

@@ -59,6 +59,14 @@ _LARGEST = 2**20  # bytes of an answer
 _HAS_CLOCKS, _PROCESS_CLOCK = sys.platform == "linux", 2
 
 
+def environment_in(folder: Path) -> dict[str, str]:
+    """Return the environment variables of a process that works in a folder of its own, confined."""
+    # one thread: decisions are timed, and the kernel confines threads that are still to come
+    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    known = {name: os.environ[name] for name in KEPT_VARIABLES if name in os.environ}
+    return known | single | {"TMPDIR": str(folder)}
+
+
 class ControllerFailed(Exception):
     """The controller raised an error, said in one line, or its process gave no answer."""
 
@@ -96,16 +104,13 @@ class ControllerProcess:
         here = Path(self._folder.name)
         if self._code is not None:
             self.name = _moved(self.name, self._code, here)
-        # one thread: decisions are timed, and the kernel confines threads that are still to come
-        single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        known = {name: os.environ[name] for name in KEPT_VARIABLES if name in os.environ}
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-m", "benchmarks.stages.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             cwd=here,
-            env=known | single | {"TMPDIR": str(here)},
+            env=environment_in(here),
             start_new_session=True,
         )
         threading.Thread(target=self._watch, daemon=True).start()

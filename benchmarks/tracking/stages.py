@@ -73,7 +73,7 @@ class Stage:
 
     @property
     def belief(self) -> PlantModel:
-        """What every controller is told of the plant, with all effects, as where it tracks or is exported."""
+        """Belief that every controller is told, with all effects, as where it tracks or is exported."""
         return self.plant if self.believed is None else self.believed
 
     def has_core(self, kind: type[Core] | None) -> bool:

@@ -182,7 +182,7 @@ def with_effect(model: PlantModel, changed: Effect) -> PlantModel:
 
 @dataclass(frozen=True)
 class DrawLaw:
-    """What an episode draws beyond factors and levels about its nominal plant.
+    """Draws of an episode beyond factors and levels about its nominal plant.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import ClassVar
 
 import pandas as pd
 
@@ -41,11 +42,12 @@ class DiagnoserScores:
     command: str
     computed: int
     notes: tuple[str, ...] = ()
-    legend: str = run.LEGEND
+
+    legend: ClassVar[str] = run.LEGEND
 
     @property
     def seen(self) -> str:
-        """How the plants were drawn."""
+        """Name of the draws: public or private seed."""
         return str(self.rows[0]["draws"])
 
     @property

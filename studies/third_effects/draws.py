@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.effect_discovery.cases import Case, Prepared, Sampled
+from benchmarks.effect_discovery.forms import CORE, Form, Mechanism, UnfitError, mechanism
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.virtual_lab.draws import VISIBLE, MaskedError
 from studies.third_effects.faults import CLOCKS, EXCUSED, FAULTS
-from studies.third_effects.forms import CORE, EFFECTS, FORMS, Form, Mechanism, UnfitError, mechanism
+from studies.third_effects.forms import EFFECTS, FORMS
 from studies.third_effects.plants import (
     KINDS,
     NOISES,
@@ -158,7 +159,7 @@ def _between(bench: Bench) -> list[float]:
 
 
 def _form(name: str, rng: np.random.Generator, behind: bool) -> Form:
-    forms = [f for f in FORMS if f.effect == name and not (behind and f.name == "of the plays alone")]  # fmt: skip
+    forms = [f for f in FORMS if f.effect == name and not (behind and f.form == "of the plays alone")]  # fmt: skip
     return forms[int(rng.integers(len(forms)))]
 
 

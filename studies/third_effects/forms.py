@@ -3,90 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from benchmarks.effect_discovery.forms import CORE, Form, Grid, Numbers, Scale, UnfitError
 from rdpi_gym.support.arrays import Array
-from rdpi_gym.support.errors import InputError
 from studies.third_effects.physics import dragged_gap, filtered, follow, relaxed, soft_mode
 
-CORE = 40
-"""Place of the hysteresis in the chain."""
-Numbers = Mapping[str, Any]
+Draw = Callable[[Scale, np.random.Generator, float], dict[str, Any]]
 _LONGEST_LAG_S = 0.05  # of amplifiers and sensors
 _SHORTEST_CREEP_S = 0.02
 
 
-class UnfitError(InputError):
-    """These records cannot hold the effect."""
-
-
-@dataclass(frozen=True)
-class Scale:
-    """Size of an experiment on a plant."""
-
-    centre_V: float
-    span_V: float
-    stroke_um: float  # half of it
-    rate_V_s: float
-    ts_s: float  # of the fastest record
-    slow_ts_s: float  # of the slowest
-    longest_s: float
-    total_s: float
-    is_held: bool
-
-    @property
-    def turn_s(self) -> float:
-        """Time of the fastest rate across the span (s)."""
-        return self.span_V / self.rate_V_s
-
-    @property
-    def middle_um(self) -> float:
-        """Displacement at the centre of the range (µm)."""
-        return self.centre_V * self.stroke_um / self.span_V
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Clock of the fine grid."""
-
-    t_s: Array
-    step_s: float
-
-
-Draw = Callable[[Scale, np.random.Generator, float], dict[str, Any]]
-Apply = Callable[[Array, Grid, Numbers], Array]
-
-
-@dataclass(frozen=True)
-class Form:
-    """One form of an effect of the catalogue."""
-
-    effect: str
-    name: str
-    place: int  # in the chain
-    draw: Draw  # a larger size is a larger effect
-    apply: Apply | None = None  # None: the core asks for the numbers
-
-
-@dataclass(frozen=True)
-class Mechanism:
-    """A form with its numbers."""
-
-    form: Form
-    numbers: Numbers
-
-    @property
-    def effect(self) -> str:
-        """Name in the catalogue."""
-        return self.form.effect
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return effect, form and numbers, as JSON."""
-        return {"effect": self.effect, "form": self.form.name, **self.numbers}
+def _middle_um(s: Scale) -> float:
+    """Return the displacement at the centre of the range (µm)."""
+    return s.centre_V * s.stroke_um / s.span_V
 
 
 def _sign(rng: np.random.Generator) -> float:
@@ -119,7 +52,7 @@ def _droop(x: Array, at: Grid, n: Numbers) -> Array:
 
 
 def _fastest(s: Scale, size: float) -> float:
-    rate = min(s.rate_V_s, s.span_V / (4.0 * s.slow_ts_s)) if s.is_held else s.rate_V_s
+    rate = min(s.rate_V_s, s.span_V / (4.0 * s.slowest_ts_s)) if s.is_held else s.rate_V_s
     return rate / (1.0 + 0.3 * size)
 
 
@@ -135,7 +68,7 @@ def _source_alone(s: Scale, rng: np.random.Generator, size: float) -> dict[str, 
 
 
 def _lag_s(s: Scale, rng: np.random.Generator, size: float) -> float:
-    least = (3.0 * s.slow_ts_s if s.is_held else s.ts_s) * rng.uniform(1.0, 1.5)
+    least = (3.0 * s.slowest_ts_s if s.is_held else s.ts_s) * rng.uniform(1.0, 1.5)
     if least > _LONGEST_LAG_S:
         raise UnfitError("a lag is too fast for these samples")
     return float(min(max(0.08 * size * s.turn_s, least), _LONGEST_LAG_S))
@@ -222,7 +155,7 @@ def weight_gain(n: Numbers, u: Array) -> Array:
 
 def _contact(s: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
     return {"change": max(_sign(rng) * 0.05 * min(size, 12.0), -0.6), "width_um": s.stroke_um * rng.uniform(0.05, 0.2),
-            "at_um": s.middle_um + s.stroke_um * rng.uniform(-0.4, 0.4)}  # fmt: skip
+            "at_um": _middle_um(s) + s.stroke_um * rng.uniform(-0.4, 0.4)}  # fmt: skip
 
 
 def _opened(x: Array, at: Grid, n: Numbers) -> Array:
@@ -232,7 +165,7 @@ def _opened(x: Array, at: Grid, n: Numbers) -> Array:
 
 def _lever(s: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
     return {"angle_rad": _sign(rng) * rng.uniform(0.3, 0.8), "swing_rad": min(0.08 * size, 0.6),
-            "middle_um": s.middle_um, "stroke_um": s.stroke_um}  # fmt: skip
+            "middle_um": _middle_um(s), "stroke_um": s.stroke_um}  # fmt: skip
 
 
 def _turned(x: Array, at: Grid, n: Numbers) -> Array:
@@ -318,7 +251,7 @@ def _on_mount(x: Array, at: Grid, n: Numbers) -> Array:
 
 def _dragged(s: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
     return {"half_width_um": 0.004 * size * s.stroke_um, "drag_s": s.turn_s * rng.uniform(3.0, 20.0), "wear": 0.0,
-            "middle_um": s.middle_um, "stroke_um": s.stroke_um}  # fmt: skip
+            "middle_um": _middle_um(s), "stroke_um": s.stroke_um}  # fmt: skip
 
 
 def _worn(s: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
@@ -372,7 +305,7 @@ def _ramped(x: Array, at: Grid, n: Numbers) -> Array:
 
 
 def _late(s: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    step = s.slow_ts_s if s.is_held else s.ts_s
+    step = s.slowest_ts_s if s.is_held else s.ts_s
     samples = max(1, round(0.08 * size * s.turn_s / step)) + rng.uniform(0.2, 0.8)
     if step > 0.01:
         raise UnfitError("a delay is too short for these samples")
@@ -405,7 +338,7 @@ def _butterworth(x: Array, at: Grid, n: Numbers) -> Array:
 
 
 def _mains(s: Scale, rng: np.random.Generator, size: float) -> dict[str, Any]:
-    if 1.0 / s.slow_ts_s < 300.0:
+    if 1.0 / s.slowest_ts_s < 300.0:
         raise UnfitError("the mains is not sampled")
     return {"amplitude_um": 0.0015 * size * s.stroke_um, "frequency_hz": float(rng.choice([50.0, 60.0])),
             "phase_rad": rng.uniform(0.0, 6.28), "wander_rad": rng.uniform(0.2, 1.0),
@@ -459,10 +392,3 @@ FORMS: Sequence[Form] = (
 """Every form that may be hidden, in the chain's order."""
 EFFECTS: tuple[str, ...] = tuple(dict.fromkeys(form.effect for form in FORMS))
 """Names of the effects."""
-TIMED = ("gain_drift", "thermal_drift", "mains_hum")
-"""Effects that go by the clock."""
-
-
-def mechanism(form: Form, scale: Scale, seed: int, size: float) -> Mechanism:
-    """Return a form of some size: the same seed gives the same effect, larger or smaller."""
-    return Mechanism(form, form.draw(scale, np.random.default_rng(seed), size))

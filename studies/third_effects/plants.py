@@ -9,17 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.effect_discovery.forms import CORE, TIMED, Grid, Mechanism, Scale
 from rdpi_gym.support.arrays import Array
-from studies.third_effects.forms import (
-    CORE,
-    TIMED,
-    Grid,
-    Mechanism,
-    Scale,
-    creep,
-    weight_gain,
-    wider_V,
-)
+from studies.third_effects.forms import creep, weight_gain, wider_V
 from studies.third_effects.physics import (
     bristles,
     coleman_hodgdon,
@@ -137,7 +129,7 @@ class Bench:
         return Scale(
             e.centre_V, e.span_V, self.plant.stroke_um, e.rate_V_s, min(d.ts_s for d in drives),
             max(d.ts_s for d in drives), max(ends), sum(ends) + PAUSE_S * (len(ends) - 1),
-            any(d.is_held for d in drives),
+            any(d.is_held for d in drives), is_coarse=False,
         )  # fmt: skip
 
     def displacements(
@@ -206,7 +198,7 @@ def close_loops(bench: Bench, noise_um: Sequence[Array], rng: np.random.Generato
 
 
 class BaseModel:
-    """What a refit of the base model can take up: gain, a comb of elements, their growth, offsets.
+    """Flexibility of a refit of the base model: gain, a comb of elements, their growth, offsets.
 
     A linear fit whose weights may be negative takes up more than a fit with bounds.
     """
@@ -357,13 +349,13 @@ def _leaky(x: Array, decay: float) -> Array:
 
 def _oscillating(bench: Bench, rng: np.random.Generator, size: float) -> Displaced:
     """A driver that oscillates, its frequency far from the mains."""
-    hz = 0.3 / bench.scale().slow_ts_s * rng.uniform(0.3, 1.0)
+    hz = 0.3 / bench.scale().slowest_ts_s * rng.uniform(0.3, 1.0)
     return _added(bench, lambda t: size * np.sin(6.2832 * hz * t), {"frequency_hz": hz})
 
 
 def _footsteps(bench: Bench, rng: np.random.Generator, size: float) -> Displaced:
     s = bench.scale()
-    hz, starts = 0.05 / s.slow_ts_s, rng.uniform(0.0, s.total_s, 60)
+    hz, starts = 0.05 / s.slowest_ts_s, rng.uniform(0.0, s.total_s, 60)
 
     def bursts(t: Array) -> Array:
         y = np.zeros_like(t)

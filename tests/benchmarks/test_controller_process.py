@@ -101,7 +101,7 @@ def rivals(tmp_path, monkeypatch):
 
 
 def seen(controller, lanes):
-    """What a controller says that it saw within its first decision."""
+    """Warning of a controller after its first decision, which names what it saw."""
     task = lanes.track(lanes.layout())
     observation = task.reset(lanes.references_um, lanes.noises)
     controller.predict(observation, None, np.ones(len(observation), dtype=bool))

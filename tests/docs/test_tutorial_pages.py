@@ -159,7 +159,7 @@ MOST_LINES = 25
 
 
 def printed_of(page):
-    """What each command of a page prints, by the command."""
+    """Printed text of each command of a page, by the command."""
     found = {}
     for block in re.findall(r"^```console\n(.*?)^```$", page, flags=re.M | re.S):
         for part in re.split(r"^\$ ", block, flags=re.M)[1:]:

@@ -36,7 +36,7 @@ def test_it_is_run_on_all_cases_or_on_none(words, capsys):
 
 def test_nothing_that_it_draws_is_drawn_by_another_study():
     assert not set(PROTOCOLS) & set(FOREIGN_PROTOCOLS)
-    assert not {(f.effect, f.name) for f in FORMS} & {(f.effect, f.form) for f in FOREIGN_FORMS}
+    assert not {(f.effect, f.form) for f in FORMS} & {(f.effect, f.form) for f in FOREIGN_FORMS}
     assert not set(FAULTS) & set(FOREIGN_FAULTS)
     assert set(EFFECTS) == set(CATALOGUE)
     assert set(EXCUSED) <= set(FAULTS)

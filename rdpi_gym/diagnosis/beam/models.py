@@ -40,7 +40,7 @@ class Model:
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What tells one set from another: kind of the core, forms of effects, clock faults."""
+        """Identity of a set: kind of the core, forms of effects, clock faults."""
         clocks = sorted(clock.name for clock in self.clocks)
         return (self.core.name, *sorted(e.full_name() for e in self.effects), *clocks)
 
@@ -180,7 +180,7 @@ class Linear:
 
     @cached_property
     def alone(self) -> tuple[Array, ...]:
-        """What the set leaves without a phantom, by the same steps."""
+        """Residual of the set without a phantom (µm), by record, by the same steps."""
         return tuple(cross_fitted(self.train.rows, self.train.moves, self.validation.rows))
 
     def _columns(

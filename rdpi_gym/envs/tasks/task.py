@@ -218,7 +218,7 @@ class StageTask:
 
     @property
     def law(self) -> DrawLaw:
-        """What a draw takes beyond numbers about one nominal plant."""
+        """Laws of a draw beyond numbers about one nominal plant."""
         return DrawLaw(self.nominals, self.noise, self.command_step_V, self.ageing, self.schedule)
 
     @property
