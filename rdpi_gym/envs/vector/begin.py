@@ -32,6 +32,7 @@ from rdpi_gym.envs.vector.lanes import (
     Shown,
     Sources,
     Words,
+    place_parameters,
 )
 from rdpi_gym.envs.vector.random import (
     begin_noise,
@@ -50,6 +51,7 @@ class Column(NamedTuple):
     """A plant as the lanes hold it."""
 
     p: Array  # float64[P]: as rdpi_gym.plant.cores.base packs it
+    together: int  # first of them that stand together, see lane_by_lane
     stage_p: Array  # float64[P']
     turns_V: Array  # float64[K]: commands at which it turned before the episode, in order
     offset_um: float  # behind its effects
@@ -105,9 +107,8 @@ def draw_episodes(
 @njit(cache=True)
 def place_plants(step: int, rest_V: float, column: Column, drawn: Drawn, fresh: Lanes) -> None:
     """Put plants as a column has them, without memory, into a block of lanes that begin at a step."""
-    p, state, numbers = fresh.p[0], fresh.state[0], fresh.numbers[0]
-    for row in range(len(p)):
-        p[row] = column.p[row]
+    state, numbers = fresh.state[0], fresh.numbers[0]
+    place_parameters(column.p, column.together, fresh.p[0])
     for row in range(len(column.stage_p)):
         fresh.stage_p[0, row] = column.stage_p[row]
     fresh.stage_state[:] = np.nan

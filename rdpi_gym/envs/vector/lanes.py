@@ -58,7 +58,7 @@ _ALIGNMENT = 64
 class Lanes(NamedTuple):
     """Plants and episodes in N blocks of W lanes; every row of a block is contiguous."""
 
-    p: Array  # float64[N or 1, P, W]: one block where all lanes have the same plant
+    p: Array  # float64[N or 1, P, W]: one block where all lanes have the same plant; see lane_by_lane
     state: Array  # float64[N, S, W]
     stage_p: Array  # float64[N or 1, P', W]: one block where all lanes have the same effects
     stage_state: Array  # float64[N, S', W]
@@ -209,6 +209,27 @@ def unshared(lanes: Lanes) -> Lanes:
 
 
 @njit(cache=True)
+def lane_by_lane(p: Array, together: int) -> Array:
+    """Return the parameters of a block from a row on to the last but two, of each lane together.
+
+    They are ``(W, K)`` in the place of ``(K, W)``, for a core that picks among many.
+    """
+    count = len(p) - 2 - together
+    own: Array = p[together : len(p) - 2].reshape(p.shape[1], count)
+    return own
+
+
+@njit(cache=True)
+def place_parameters(column: Array, together: int, p: Array) -> None:
+    """Fill a block with the parameters of one plant."""
+    for row in range(len(p)):
+        p[row] = column[row]
+    own = lane_by_lane(p, together)
+    for b in range(len(own)):
+        own[b] = column[together : len(p) - 2]
+
+
+@njit(cache=True)
 def table_row(n: int, share: int, step: int, rows: int) -> int:
     """Row for a step in a table of a block, drawn anew after its last; blocks do so at other steps.
 
@@ -220,8 +241,8 @@ def table_row(n: int, share: int, step: int, rows: int) -> int:
 
 @njit(cache=True)
 def scatter(
-    first: int, end: int, step: int, fresh: Lanes, observation: Floats32, indices: Integers,
-    lanes: Lanes,
+    first: int, end: int, step: int, together: int, fresh: Lanes, observation: Floats32,
+    indices: Integers, lanes: Lanes,
 ) -> None:  # fmt: skip
     """Put lanes that have just begun, in one block of their own, in their places."""
     blocks, _, width = lanes.state.shape
@@ -232,13 +253,17 @@ def scatter(
     for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
         if len(lanes.p) == blocks:
-            _copy_lane(fresh.p, j, lanes.p[n], b)
+            _copy_lane(fresh.p, j, lanes.p[n], b, 0, together)
+            _copy_lane(fresh.p, j, lanes.p[n], b, lanes.p.shape[1] - 2, lanes.p.shape[1])
+            own, given = lane_by_lane(lanes.p[n], together), lane_by_lane(fresh.p[0], together)
+            for i in range(own.shape[1]):
+                own[b, i] = given[j, i]
         if len(lanes.stage_p) == blocks:
-            _copy_lane(fresh.stage_p, j, lanes.stage_p[n], b)
-        _copy_lane(fresh.state, j, lanes.state[n], b)
-        _copy_lane(fresh.stage_state, j, lanes.stage_state[n], b)
-        _copy_lane(fresh.numbers, j, lanes.numbers[n], b)
-        _copy_lane(fresh.window_um, j, lanes.window_um[n], b)
+            _copy_lane(fresh.stage_p, j, lanes.stage_p[n], b, 0, lanes.stage_p.shape[1])
+        _copy_lane(fresh.state, j, lanes.state[n], b, 0, lanes.state.shape[1])
+        _copy_lane(fresh.stage_state, j, lanes.stage_state[n], b, 0, lanes.stage_state.shape[1])
+        _copy_lane(fresh.numbers, j, lanes.numbers[n], b, 0, lanes.numbers.shape[1])
+        _copy_lane(fresh.window_um, j, lanes.window_um[n], b, 0, lanes.window_um.shape[1])
         for i in range(size):
             lanes.observed[n, at + b * size + i] = observation[j * shown + i]
         for i in range(past):
@@ -247,8 +272,8 @@ def scatter(
 
 @njit(cache=True, parallel=True)
 def scatter_parallel(
-    threads: int, step: int, fresh: tuple[Any, ...], observation: Floats32, indices: Integers,
-    lanes: tuple[Any, ...],
+    threads: int, step: int, together: int, fresh: tuple[Any, ...], observation: Floats32,
+    indices: Integers, lanes: tuple[Any, ...],
 ) -> None:  # fmt: skip
     """Do as :func:`scatter` for all lanes that begin, each thread with its share of them.
 
@@ -258,7 +283,7 @@ def scatter_parallel(
     count = len(indices)
     for thread in prange(threads):
         first, end = thread * count // threads, (thread + 1) * count // threads
-        scatter(first, end, step, Lanes(*fresh), observation, indices, Lanes(*lanes))
+        scatter(first, end, step, together, Lanes(*fresh), observation, indices, Lanes(*lanes))
 
 
 @njit(cache=True)
@@ -275,6 +300,6 @@ def note_begun(step: int, indices: Integers, lanes: Lanes, max_steps: int, rise:
 
 
 @njit(cache=True)
-def _copy_lane(fresh: Array, j: int, block: Array, b: int) -> None:
-    for row in range(len(block)):
+def _copy_lane(fresh: Array, j: int, block: Array, b: int, first: int, end: int) -> None:
+    for row in range(first, end):
         block[row, b] = fresh[0, row, j]

@@ -13,7 +13,7 @@ from rdpi_gym.envs.draw_laws import BLOCK, DrawLaw, Glide, Wear
 from rdpi_gym.envs.truth import EFFECT_LEVELS, drawn_parameters, effect_at
 from rdpi_gym.envs.vector.begin import scale_packed, settle_plays
 from rdpi_gym.envs.vector.chain import Table, core_address, stage_address
-from rdpi_gym.envs.vector.lanes import NEVER, Flags, Integers, Lanes
+from rdpi_gym.envs.vector.lanes import NEVER, Flags, Integers, Lanes, lane_by_lane
 from rdpi_gym.plant import RDPI, PlantModel, pack
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.play import given_rate_block
@@ -31,11 +31,14 @@ class CoreLanes:
         self._ts_s = ts_s
         self.factors, self._gaps_V = self._nominal.factors, self._nominal.gaps_V
         self.rows = (len(pack([self._nominal], ts_s, [0.0])), 2 + self._nominal.n)
+        core = self._nominal
+        self.together = core.together if core.lanes_block else self.rows[0] - 2
 
     @property
     def kernel(self) -> int:
         """Address of its kernel in this process."""
-        return core_address(type(self._nominal).block, self._nominal.name)
+        kind = type(self._nominal)
+        return core_address(kind.lanes_block or kind.block, self._nominal.name)
 
     def column(self, model: PlantModel, offset_um: float) -> Array:
         """Return the parameters of a plant with the same kind of core, float64[P]."""
@@ -63,7 +66,9 @@ class CoreLanes:
             product = rounds[0] if len(rounds) == 1 else rounds[0] * rounds[1]
             scale_packed(len(core.gains), self._gaps_V, product, fresh)
         elif rounds:
-            fresh.p[0, :-2, : len(rounds[0])] = cores.coefficients()
+            found, count = cores.coefficients(), len(rounds[0])
+            fresh.p[0, : self.together, :count] = found[: self.together]
+            lane_by_lane(fresh.p[0], self.together)[:count] = found[self.together :].T
         return cores
 
     def settle(self, rest_V: float, turns_V: Array, cores: LaneCores, fresh: Lanes) -> None:

@@ -46,6 +46,7 @@ from rdpi_gym.envs.vector.lanes import (
     block_shape,
     make_lanes,
     note_begun,
+    place_parameters,
     room,
     scatter,
     scatter_parallel,
@@ -142,7 +143,8 @@ class LaneGroup:
         changes = self._wear is not None or self._glides is not None
         shared = (not self._draws_core, not (self._draws_effects or changes))
         self._lanes = make_lanes(shape, self._rows, layout, shared, single.history.steps)
-        self._lanes.p[:] = self._column.p[:, None]
+        for block in self._lanes.p:
+            place_parameters(self._column.p, self._column.together, block)
         self._lanes.stage_p[:] = self._column.stage_p[:, None]
         self._work: Array = aligned((threads, WORK, shape[1]))
         plans = single.plans
@@ -247,9 +249,10 @@ class LaneGroup:
         rise = self._references.rises.shape[1]
         if threads > 1:
             parts = tuple(fresh), shown.observation, indices, tuple(self._lanes)
-            scatter_parallel(threads, self.step, *parts)
+            scatter_parallel(threads, self.step, self._core.together, *parts)
         else:
-            scatter(0, count, self.step, fresh, shown.observation, indices, self._lanes)
+            own = self.step, self._core.together, fresh, shown.observation, indices, self._lanes
+            scatter(0, count, *own)
         note_begun(self.step, indices, self._lanes, self._max_steps, rise)
         self._sources = self._current_sources()
         self.next_end = int(self._lanes.ending.min())
@@ -361,6 +364,7 @@ class LaneGroup:
         )
         return Column(
             p=self._core.column(model, inside),
+            together=self._core.together,
             stage_p=self._effects.column(model),
             turns_V=np.array(model.turns_from(self._rest_V)),
             offset_um=behind,

@@ -43,6 +43,9 @@ class Core(ABC):
         Cut-off (Hz) of a first-order low-pass on the rate; None is the literal Eq. 5.
     block, fused
         The compiled kernels, as ``staticmethod``; the second only saves a call, and may be left out.
+    lanes_block, together
+        A kernel as `block` for one sample of many lanes, if it picks among many coefficients: those
+        from number `together` on stand lane by lane in its ``p``, ``(B, K)`` in place of ``(K, B)``.
     title
         What people call it, in words that read within a sentence.
     equation, source, signature, experiment, hardware
@@ -84,6 +87,8 @@ class Core(ABC):
     name: ClassVar[str]
     block: ClassVar[CoreBlock]
     fused: ClassVar[FusedBlock | None] = None
+    lanes_block: ClassVar[CoreBlock | None] = None
+    together: ClassVar[int] = 0
     title: ClassVar[str] = ""
     equation: ClassVar[str] = ""
     source: ClassVar[str] = ""

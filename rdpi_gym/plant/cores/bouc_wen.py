@@ -9,7 +9,12 @@ from zlib import crc32
 
 import numpy as np
 
-from rdpi_gym.plant.cores.bouc_wen_kernel import bouc_wen_block, curves
+from rdpi_gym.plant.cores.bouc_wen_kernel import (
+    TOGETHER,
+    bouc_wen_block,
+    bouc_wen_lanes,
+    curves,
+)
 from rdpi_gym.plant.cores.families import (
     LENGTHS,
     InnerVariable,
@@ -74,6 +79,8 @@ class BoucWen(InnerVariable):
 
     name = "bouc_wen"
     block = staticmethod(bouc_wen_block)
+    lanes_block = staticmethod(bouc_wen_lanes)
+    together = TOGETHER
     linear = ("k", "d")
     either_sign = ("d",)
     title = "Bouc-Wen model"

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from rdpi_gym.plant.cores.elementary import VECTOR_LANES, expm1, log, power
 from rdpi_gym.support.arrays import Array
+
+Places: TypeAlias = NDArray[np.int64]
 
 DEGREES = 14
 """Coefficients of a curve: near and far on the way out, and on the way back; their errors are below
@@ -406,3 +410,114 @@ def bouc_wen_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
             state[2, b] = z if abs(state[5, b]) == p[8, b] else last_z
         for b in range(lanes):
             y[t, b] = p[0, b] * u[t, b] + p[1, b] * state[2, b] + p[last_row, b]
+
+
+TOGETHER = _END + 1
+"""First of the coefficients that :func:`bouc_wen_lanes` finds lane by lane: all but the ends of the curves."""
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath={"contract"})
+def _picked(own: Array, b: int, row: int, count: int, y: float) -> float:
+    """As :func:`_polynomial`, of coefficients that stand lane by lane."""
+    first = row - TOGETHER
+    square, even, odd = y * y, own[b, first], own[b, first + 1]
+    for j in range(first + 2, first + count, 2):
+        even, odd = even * square + own[b, j], odd * square + own[b, j + 1]
+    total: float = even * y + odd
+    return total
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _x_lanes(
+    s: Array, curve: Array, n: Array, kappa: Array, at: Places, own: Array, rooms: Array, x: Array
+) -> None:
+    """Fill ``x[m]`` as :func:`_x_after` for the lanes at some places, loop by loop."""
+    less, w, value = rooms[0], rooms[1], rooms[2]
+    for j in range(len(s)):
+        less[j] = _less(s[j], curve[j], n[j], kappa[j])
+    for j in range(len(s)):
+        row, raised = _CURVE[int(curve[j])], 1.0 + less[j]
+        w[j] = raised / (1.0 + own[at[j], row - TOGETHER] * raised)
+        place = w[j] * own[at[j], row + 1 - TOGETHER] - 1.0
+        value[j] = _picked(own, at[j], row + 2, DEGREES, place)
+    for j in range(len(s)):
+        x[j] = _x_of(s[j], curve[j], n[j], kappa[j], less[j], w[j], value[j])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _turn_lanes(
+    ways: Array, p: Array, own: Array, state: Array, at: Places, rooms: Array
+) -> None:
+    """Do as :func:`_turn` for the lanes at some places, loop by loop."""
+    m = len(at)
+    n, kappa, x, rate = rooms[3, :m], rooms[4, :m], rooms[5, :m], rooms[6, :m]
+    out, slope, s, curve = rooms[7, :m], rooms[8, :m], rooms[9, :m], rooms[10, :m]
+    for j in range(m):
+        b = at[j]
+        z, way = state[2, b], ways[b]
+        above = (z > 0.0) | ((z == 0.0) & (way > 0.0))
+        limit = p[2, b] if above else p[3, b]
+        rate[j] = p[4, b] if above else p[5, b]
+        out[j] = 1.0 if (z == 0.0) | ((z > 0.0) == (way > 0.0)) else -1.0
+        n[j], kappa[j] = p[6, b], p[7, b]
+        x[j] = min(abs(z) / limit, 1.0)
+    for j in range(m):
+        curve[j] = power(x[j], n[j])
+    for j in range(m):
+        still = 1.0 - curve[j]
+        still = still if still > 1e-17 else 1e-17
+        slope[j] = still if out[j] > 0.0 else 1.0 + kappa[j] * curve[j]
+    for j in range(m):
+        s[j] = log(slope[j]) / n[j]
+    for j in range(m):
+        if out[j] < 0.0:
+            place = (1.0 - 1.0 / slope[j]) * own[at[j], _OF_RATIO - TOGETHER] - 1.0
+            s[j] = x[j] * _picked(own, at[j], _WAY_BACK, WAY_BACK, place)
+        else:
+            near = curve[j] < 0.5
+            place = 4.0 * (curve[j] if near else slope[j]) - 1.0
+            part = x[j] * _picked(own, at[j], _WAY_NEAR if near else _WAY_FAR, WAY_NEAR, place)
+            s[j] = part if near else part - s[j]
+    for j in range(m):
+        curve[j] = _curve_at(s[j], out[j] > 0.0, p[_END, at[j]])
+    found = rooms[11, :m]
+    _x_lanes(s, curve, n, kappa, at, own, rooms[:3], found)
+    for j in range(m):
+        b = at[j]
+        nearer = s[j] + (x[j] - found[j]) / slope[j]
+        nearer = nearer if nearer > 0.0 else 0.0
+        way = nearer if slope[j] > _LEAST_SLOPE else s[j]
+        state[4, b] = out[j] * way / rate[j]
+        state[5, b] = math.copysign(p[8, b], ways[b])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def bouc_wen_lanes(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    """As :func:`bouc_wen_block` for one sample of many lanes, of which any number may turn."""
+    last_row, lanes = p.shape[0] - 1, u.shape[1]
+    own = p[TOGETHER : last_row - 1].reshape(lanes, last_row - 1 - TOGETHER)
+    rooms, at, count = np.empty((12, lanes)), np.empty(lanes, dtype=np.int64), 0
+    s, curve = rooms[3], rooms[4]
+    for b in range(lanes):
+        way, whose = u[0, b] - state[3, b], state[5, b]
+        at[count] = b
+        goes_on = (way * whose > 0.0) & (abs(whose) == p[8, b])
+        count += 0 if goes_on | (way == 0.0) else 1
+    if count:
+        _turn_lanes(u[0] - state[3], p, own, state, at[:count], rooms)
+    for b in range(lanes):
+        at[b] = b
+        way, u_V = state[4, b] + abs(u[0, b] - state[3, b]), u[0, b]
+        state[4, b], state[3, b] = way, u_V
+        positive = (way >= 0.0) == (state[5, b] > 0.0)
+        slope = p[4, b] if positive else p[5, b]
+        s[b] = min(abs(way) * slope, _SATURATED)
+        curve[b] = _curve_at(s[b], way >= 0.0, p[_END, b])
+    x = rooms[5]
+    _x_lanes(s, curve, p[6], p[7], at, own, rooms[:3], x)
+    for b in range(lanes):
+        positive = (state[4, b] >= 0.0) == (state[5, b] > 0.0)
+        z = min(x[b], 1.0) * (p[2, b] if positive else -p[3, b])
+        z = z if abs(state[5, b]) == p[8, b] else state[2, b]
+        state[2, b] = z
+        y[0, b] = p[0, b] * u[0, b] + p[1, b] * z + p[last_row, b]
