@@ -277,7 +277,8 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self._figure: LiveFigure | None = None
         self._task = self._track(self.nominal)
         self.signal: Signal | None = None
-        self._k = self._known = self._saturated = 0
+        self._k = self._known = 0
+        self._saturated = 0.0  # as a number of info, which it is
         self._command_V = 0.0
 
     def reset(
@@ -306,7 +307,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         if truth is not self.truth:
             self._task, self.truth = self._track(truth), truth
         self.signal, self._known = signal, known
-        self._k = self._saturated = 0
+        self._k, self._saturated = 0, 0.0
         noise = None
         if truth.sensor.noise_um:
             noise = [self._noise(np.random.default_rng(noise_seed))]
@@ -352,11 +353,11 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         if self._correction is not None:
             self._correction.observe(observation, _GOES_ON)
         info = self._info()
+        change_V = abs(command - self._command_V)
         reward = -abs(info["error_um"]) / layout.scale_um
-        reward -= self.command_cost * abs(command - self._command_V) / self._span_V
+        reward -= self.command_cost * change_V / self._span_V
         if self._bounds is not None:
-            change_V = abs(command - self._command_V)
-            self._add_costs(info, self._bounds, float(self._saturated - clipped), change_V)
+            self._add_costs(info, self._bounds, self._saturated - clipped, change_V)
         if self.latents:
             info["privileged"] = self._latent_values()
         self._command_V = command
@@ -413,7 +414,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             command = min(max(wanted, self._low_V), self._high_V)
             inside = inside and command == wanted
         if not inside:
-            self._saturated += 1
+            self._saturated += 1.0
         return command
 
     def _info(self) -> dict[str, Any]:
@@ -425,7 +426,7 @@ class PiezoTrackingEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
             "reference_um": reference,
             "error_um": error,
             "command_V": command,
-            "saturated": float(self._saturated),
+            "saturated": self._saturated,
         }
 
     def _add_costs(

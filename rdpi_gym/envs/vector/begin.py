@@ -18,7 +18,6 @@ from rdpi_gym.envs.vector.kernels import (
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     COMMAND,
-    EARLIER,
     ERROR,
     HELD,
     MEASURED,
@@ -222,6 +221,6 @@ def show_first(
             observation[b * size + i] = observation[b * size + sources.now[(i - own) % fields]]
     report(0, row, step % rows, work, numbers, window_um, info)
     for b in range(lanes):
-        numbers[0, ERROR, b] = numbers[0, EARLIER, b] = info[2, b]
+        numbers[0, ERROR, b] = numbers[0, ERROR + 1, b] = info[2, b]
         for i in range(5, len(info)):
             info[i, b] = 0.0

@@ -10,7 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from llvmlite import ir
+from numba import njit, prange, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from rdpi_gym.envs.layout import COLUMN, FIELDS, LIMIT, SPAN, ZERO, field_values
@@ -18,9 +21,8 @@ from rdpi_gym.envs.vector.chain import run_chain
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     CHANGE,
+    CLIPPED,
     COMMAND,
-    COUNTED,
-    EARLIER,
     ERROR,
     HELD,
     MEASURED,
@@ -38,9 +40,10 @@ from rdpi_gym.envs.vector.lanes import (
     Shown,
     Sources,
     past_begin,
+    past_room,
     table_row,
 )
-from rdpi_gym.envs.vector.random import Word, draw_noise
+from rdpi_gym.envs.vector.random import draw_noise
 from rdpi_gym.envs.vector.waves import sample_ahead, sample_references
 from rdpi_gym.support.arrays import Array
 
@@ -57,7 +60,8 @@ def _place_commands(n: int, actions: Array, law: Law, work: Array, numbers: Arra
         u = u if u < high else high
         work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        numbers[n, SATURATED, b] += 0.0 if within == place else 1.0
+        work[CLIPPED, b] = 0.0 if within == place else 1.0
+        numbers[n, SATURATED, b] += work[CLIPPED, b]
 
 
 @njit(cache=True)
@@ -75,7 +79,8 @@ def _add_commands(
         u = u if u < high else high
         work[CHANGE, b] = abs(u - numbers[n, COMMAND, b])
         numbers[n, COMMAND, b] = u
-        numbers[n, SATURATED, b] += 0.0 if (within == place) & (u == wanted) else 1.0
+        work[CLIPPED, b] = 0.0 if (within == place) & (u == wanted) else 1.0
+        numbers[n, SATURATED, b] += work[CLIPPED, b]
 
 
 @njit(cache=True)
@@ -201,6 +206,43 @@ def _show(n: int, at: int, size: int, observed: Floats32, observation: Floats32)
         shown[i] = last[i]
 
 
+@intrinsic
+def _copy(typing: Any, to: Any, first: Any, source: Any, begin: Any, count: Any) -> tuple[Any, Any]:
+    """Copy of so many float32 as one block of memory."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        ends = [
+            builder.gep(context.make_array(kind)(context, builder, array).data, [place])
+            for kind, array, place in zip(
+                signature.args[:4:2], values[:4:2], values[1:4:2], strict=True
+            )
+        ]
+        cgutils.raw_memcpy(builder, *ends, values[4], 4)
+        return context.get_dummy_value()
+
+    return types.none(to, types.intp, source, types.intp, types.intp), build
+
+
+@intrinsic
+def _await_write(typing: Any, to: Any, place: Any) -> tuple[Any, Any]:
+    """Fetch of the cache line of a place that is written soon; beyond the array's end it is nothing."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, values[0])
+        line = builder.bitcast(builder.gep(array.data, [values[1]]), _BYTES)
+        kind = ir.FunctionType(ir.VoidType(), [_BYTES, *[ir.IntType(32)] * 3])
+        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        builder.call(fetch, [line, *(ir.Constant(ir.IntType(32), n) for n in (1, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.none(to, types.intp), build
+
+
+_BYTES = ir.IntType(8).as_pointer()
+# Floats of a cache line, and how far ahead lines are fetched: the latency of a shared cache.
+_LINE, _AHEAD = 16, 1024
+
+
 @njit(cache=True)
 def _slide_past(n: int, fields: int, past: Floats32) -> None:
     room = SLIDE * fields
@@ -210,39 +252,24 @@ def _slide_past(n: int, fields: int, past: Floats32) -> None:
 
 @njit(cache=True)
 def show_with_past(
-    n: int, at: int, begin: int, width: int, observed: Floats32, past: Floats32, fields: int,
-    observation: Floats32,
+    n: int, at: int, begin: int, width: int, observed: Floats32, past: Floats32, now: Integers,
+    keeps: bool, observation: Floats32,
 ) -> None:  # fmt: skip
-    """Write the last observations of a block with what was shown before."""
-    # Unsigned: numba asks of every other number whether it counts from the end.
-    size, earlier = _row(width, observed, past, fields)
-    row, first = size + earlier, np.uint64(n * width)
-    lanes = np.uint64(max(0, min(width, len(observation) // int(row) - n * width)))
-    for b in range(lanes):
-        to, now = (first + b) * row, np.uint64(at) + b * size
-        then = np.uint64(begin) + b * earlier
+    """Write the last observations of a block with what was shown before, and keep of them what is now."""
+    fields = len(now)
+    size, room = (observed.shape[1] - SLIDE) // width, past_room(past.shape[1], width, fields)
+    earlier = room - fields
+    row = size + earlier
+    for b in range(min(width, len(observation) // row - n * width)):
+        to, shown, then = (n * width + b) * row, at + b * size, begin + b * room
+        for i in range(0, row, _LINE):
+            _await_write(observation, to + _AHEAD + i)
         for i in range(size):
-            observation[to + i] = observed[n, now + i]
-        for i in range(earlier):
-            observation[to + size + i] = past[n, then + i]
-
-
-@njit(cache=True)
-def _row(width: int, observed: Floats32, past: Floats32, fields: int) -> tuple[Word, Word]:
-    """Lengths of a lane's observation now and of what was shown before."""
-    size = (observed.shape[1] - SLIDE) // width
-    return np.uint64(size), np.uint64((past.shape[1] - SLIDE * fields) // width)
-
-
-@njit(cache=True)
-def _keep(
-    n: int, at: int, begin: int, width: int, observed: Floats32, past: Floats32, now: Integers
-) -> None:
-    size, earlier = _row(width, observed, past, len(now))
-    for b in range(np.uint64(width)):
-        to, shown = np.uint64(begin) + b * earlier, np.uint64(at) + b * size
-        for i in range(len(now)):
-            past[n, to + np.uint64(i)] = observed[n, shown + np.uint64(now[i])]
+            observation[to + i] = observed[n, shown + i]
+        _copy(observation, to + size, past, n * past.shape[1] + then, earlier)
+        if keeps:
+            for i in range(fields):
+                past[n, then - fields + i] = observed[n, shown + now[i]]
 
 
 @njit(cache=True)
@@ -284,25 +311,23 @@ def _reward(n: int, law: Law, work: Array, info: Array, reward: Array) -> None:
 
 
 @njit(cache=True)
-def _count_commands(n: int, most_V: float, work: Array, numbers: Array, info: Array) -> None:
+def _count_commands(n: int, most_V: float, work: Array, info: Array) -> None:
     shown = info[5:7, n * work.shape[1] : (n + 1) * work.shape[1]]
     for b in range(shown.shape[1]):
-        shown[0, b] = numbers[n, SATURATED, b] - numbers[n, COUNTED, b]
-        numbers[n, COUNTED, b] = numbers[n, SATURATED, b]
-    for b in range(shown.shape[1]):
+        shown[0, b] = work[CLIPPED, b]
         shown[1, b] = 1.0 if work[CHANGE, b] > most_V else 0.0
 
 
 @njit(cache=True)
-def _count_ringing(n: int, most_um: float, numbers: Array, info: Array) -> None:
+def _count_ringing(n: int, step: int, most_um: float, numbers: Array, info: Array) -> None:
     first, end = n * numbers.shape[2], (n + 1) * numbers.shape[2]
     error, ringing = info[2, first:end], info[7, first:end]
+    last, before = ERROR + (step - 1) % 2, ERROR + step % 2
     for b in range(len(error)):
-        bend = abs(error[b] - 2.0 * numbers[n, ERROR, b] + numbers[n, EARLIER, b])
+        bend = abs(error[b] - 2.0 * numbers[n, last, b] + numbers[n, before, b])
         ringing[b] = 1.0 if bend > most_um else 0.0
     for b in range(len(error)):
-        numbers[n, EARLIER, b] = numbers[n, ERROR, b]
-        numbers[n, ERROR, b] = error[b]
+        numbers[n, before, b] = error[b]
 
 
 @njit(cache=True)
@@ -367,24 +392,21 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
         measured = MEASURED
     at, size = step % SLIDE, observed.shape[1] - SLIDE
     past, begin = lanes.past, past_begin(step, len(sources.now))
-    if past.shape[1]:
-        if at == 0:
-            _slide_past(n, len(sources.now), past)
-        _keep(n, (step - 1) % SLIDE, begin, work.shape[1], observed, past, sources.now)
     if at == 0:
         _slide(n, size, observed)
+        _slide_past(n, len(sources.now), past)
     _observe(n, at, newest, now, measured, sources.encoder, work, numbers, window_um, observed)
     if past.shape[1]:
         show_with_past(
-            n, at, begin, work.shape[1], observed, past, len(sources.now), shown.observation
+            n, at, begin, work.shape[1], observed, past, sources.now, True, shown.observation
         )
     else:
         _show(n, at, size, observed, shown.observation)
     report(n, row, now, work, numbers, window_um, shown.info)
     _reward(n, law, work, shown.info, shown.reward)
     if law.limited:
-        _count_commands(n, law.most_change_V, work, numbers, shown.info)
-        _count_ringing(n, law.most_ringing_um, numbers, shown.info)
+        _count_commands(n, law.most_change_V, work, shown.info)
+        _count_ringing(n, step, law.most_ringing_um, numbers, shown.info)
         _count_strokes(n, row, law.lowest_um, law.highest_um, work, shown.info)
         _add_costs(n, work.shape[1], shown.info)
     if step >= lanes.ending[n]:
@@ -398,7 +420,7 @@ def show_stacked(step: int, lanes: Lanes, sources: Sources, observation: Floats3
     for n in range(blocks):
         show_with_past(
             n, step % SLIDE, past_begin(step, len(sources.now)), width, lanes.observed, lanes.past,
-            len(sources.now), observation,
+            sources.now, False, observation,
         )  # fmt: skip
 
 

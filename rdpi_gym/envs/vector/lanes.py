@@ -31,15 +31,14 @@ PHASE = 8  # its phase (rad)
 AMPLITUDE = 9  # its amplitude (µm)
 CENTRE = 10  # its centre (µm)
 RISE = 11  # row of its smooth start
-ERROR = 12  # r(k) - y(k) (µm)
-EARLIER = 13  # r(k-1) - y(k-1) (µm)
-COUNTED = 14  # steps that were clipped, as they were last counted as costs
-NUMBERS = 15
+ERROR = 12  # r - y (µm) of the last two samples, in turn; the next row belongs to it
+NUMBERS = 14
 
 # Rows that a thread writes over in every block; the plant's chain takes the first six.
 CHANGE = 6  # of the command (V), absolute
 MEASURED = 7  # displacement as the sensor reads it (µm)
-WORK = 8
+CLIPPED = 8  # 1 where the command or action was clipped
+WORK = 9
 
 # Places by which the observations slide on, one a step, before they begin at the first one again.
 SLIDE = 64
@@ -65,7 +64,9 @@ class Lanes(NamedTuple):
     numbers: Array  # float64[N, NUMBERS, W]
     window_um: Array  # float64[N, preview + 1, W]: the reference from now on, a ring
     observed: Floats32  # float32[N, W D + SLIDE]: the last observations, from step % SLIDE on
-    past: Floats32  # float32[N, W F H + SLIDE F]: fields of earlier samples, from past_begin on
+    past: (
+        Floats32  # float32[N, W F (H + 1) + SLIDE F]: fields of earlier samples, from past_begin on
+    )
     rising: Integers  # int64[N]: first step whose newest reference is beyond all smooth starts
     ending: Integers  # int64[N]: first step at which an episode of it ends
 
@@ -77,7 +78,7 @@ class Sources(NamedTuple):
     rises: Array  # float64[R, M]: smooth starts, sample by sample
     waves: Array  # float64[B, C]: references, as rdpi_gym.envs.vector.waves has them
     tables_um: Array  # float64[B, M]: of those that are no wave; one row without any
-    ahead_um: Array  # float64[N, AHEAD, W]: next samples of all but sines; empty without any
+    ahead_um: Array  # float64[N, AHEAD, W]: next samples; empty where all are sines
     noise: Array  # float64[N, M, W]: in units of the sensor's deviation; empty without noise
     noise_rngs: Words  # uint64[N W, 8]: what it is drawn from
     noise_state: Array  # float64[N W, 3]: of coloured noise; empty of white noise
@@ -179,19 +180,28 @@ def make_lanes(
         rising=np.zeros(blocks, dtype=np.int64),
         ending=np.zeros(blocks, dtype=np.int64),
     )
-    lanes.numbers[:, BEGUN] = NEVER
+    lanes.numbers[:, BEGUN], lanes.numbers[:, OMEGA] = NEVER, np.nan
     return lanes
 
 
 def past_size(width: int, history: int, fields: int) -> int:
     """Length of a block's fields of earlier samples, with room to slide; 0 without history."""
-    return (width * history + SLIDE) * fields if history else 0
+    return (width * (history + 1) + SLIDE) * fields if history else 0
+
+
+@njit(cache=True, inline="always")
+def past_room(size: int, width: int, fields: int) -> int:
+    """Length of what one lane keeps of earlier samples, one more than it shows."""
+    return (size - SLIDE * fields) // width
 
 
 @njit(cache=True, inline="always")
 def past_begin(step: int, fields: int) -> int:
-    """Place in a block's past where that of its first lane begins; it slides down, a sample a step."""
-    return (SLIDE - 1 - step % SLIDE) * fields
+    """Place in a block's past where that of its first lane begins; it slides down, a sample a step.
+
+    Before it stands what is shown now.
+    """
+    return (SLIDE - step % SLIDE) * fields
 
 
 def unshared(lanes: Lanes) -> Lanes:
@@ -248,8 +258,9 @@ def scatter(
     blocks, _, width = lanes.state.shape
     at, size = step % SLIDE, (lanes.observed.shape[1] - SLIDE) // width
     shown = len(observation) // len(indices)
-    past = shown - size
-    begin = (SLIDE - 1 - step % SLIDE) * (lanes.past.shape[1] - width * past) // SLIDE
+    earlier = shown - size
+    fields = (lanes.past.shape[1] - width * earlier) // (width + SLIDE)
+    begin, kept = past_begin(step, fields), earlier + fields
     for j in range(first, end):
         n, b = indices[j] // width, indices[j] % width
         if len(lanes.p) == blocks:
@@ -266,8 +277,10 @@ def scatter(
         _copy_lane(fresh.window_um, j, lanes.window_um[n], b, 0, lanes.window_um.shape[1])
         for i in range(size):
             lanes.observed[n, at + b * size + i] = observation[j * shown + i]
-        for i in range(past):
-            lanes.past[n, begin + b * past + i] = observation[j * shown + size + i]
+        for i in range(earlier):
+            lanes.past[n, begin + b * kept + i] = observation[j * shown + size + i]
+        for i in range(fields):  # at a beginning as shown before
+            lanes.past[n, begin + b * kept - fields + i] = observation[j * shown + size + i]
 
 
 @njit(cache=True, parallel=True)

@@ -582,7 +582,7 @@ class References:
     waves : float64[B, C]
         As :mod:`rdpi_gym.envs.vector.waves` has them.
     ahead_um : float64[N, AHEAD, W]
-        Next samples of the lanes whose reference is no sine; without rows until there is one.
+        Next samples of the lanes; without rows until the reference of one is no sine.
     tables_um : float64[B, M]
         Samples of the lanes whose reference is no wave; one row until there is one.
     due : int

@@ -65,13 +65,23 @@ def sample_references(
     value: Array,
 ) -> None:
     """Fill `value` with r (µm) of a block at a step of the environment."""
-    _phases(n, float(step), ts, numbers, value)
-    sines(value)
-    _scale(n, numbers, value)
-    if rising:
-        _rise(n, step, rises, numbers, value)
+    if not len(taken_um) or _has_formula(n, numbers):
+        _phases(n, float(step), ts, numbers, value)
+        sines(value)
+        _scale(n, numbers, value)
+        if rising:
+            _rise(n, step, rises, numbers, value)
     if len(taken_um):
         _take(n, row, numbers, taken_um, value)
+
+
+@njit(cache=True)
+def _has_formula(n: int, numbers: Array) -> bool:
+    """Whether a lane of a block has a sine that is had by formula, not from a table."""
+    count = 0
+    for b in range(numbers.shape[2]):
+        count += 0 if np.isnan(numbers[n, OMEGA, b]) else 1
+    return count > 0
 
 
 class Drawn(NamedTuple):
@@ -101,8 +111,8 @@ PER_PEAK = 9  # one over the largest size of their sum
 FIRST = 10  # sample at which its table begins, where Python samples it
 COLUMNS = 11  # from here on the phases of the lines (rad)
 
-# Shapes: a sine is had sample by sample, the others some samples at a time, the last of a table that
-# Python fills.
+# Shapes: where all are sines they are had sample by sample, otherwise some samples at a time; the last
+# shape is of a table that Python fills.
 SINE, TRIANGLE, MULTISINE, SAMPLED = 0.0, 1.0, 2.0, 3.0
 
 AHEAD = 64
@@ -153,12 +163,14 @@ def fill_wave(
     wave: Array, table_um: Array, first: int, ts_s: float, rises: Array, turns: Array,
     samples_um: Array,
 ) -> None:  # fmt: skip
-    """Take samples (µm) of a wave that is no sine."""
+    """Take samples (µm) of a wave."""
     if wave[SHAPE] == SAMPLED:
         begin, last = first - int(wave[FIRST]), len(table_um) - 1
         for k in range(len(samples_um)):
             samples_um[k] = table_um[min(begin + k, last)]
         return
+    if wave[SHAPE] == SINE:
+        _sine(wave, float(first), ts_s, samples_um)
     lines = int(wave[LINES])
     if lines and (
         turns[0, 0] != wave[FREQUENCY] or turns[0, 1] != wave[APART] or turns[0, 2] < lines
@@ -168,12 +180,29 @@ def fill_wave(
         samples = samples_um[begin : begin + AHEAD]
         if lines:
             _multisine(wave, ts_s * (first + begin), turns, samples)
-        else:
+        elif wave[SHAPE] == TRIANGLE:
             _triangle(wave, float(first + begin), ts_s, turns[1], samples)
     rise, last = rises[int(wave[START])], rises.shape[1] - 1
     if first < last:
         for k in range(len(samples_um)):
             samples_um[k] *= rise[min(first + k, last)]
+
+
+@njit(cache=True)
+def _sine(wave: Array, first: float, ts_s: float, samples_um: Array) -> None:
+    """Samples by the operations of the formula, in their order."""
+    omega, phase, height, middle = _omega(wave), wave[ANGLE], wave[HEIGHT], wave[MIDDLE]
+    for k in range(len(samples_um)):
+        samples_um[k] = omega * (ts_s * (first + float(k))) + phase
+    sines(samples_um)
+    for k in range(len(samples_um)):
+        samples_um[k] = middle + height * samples_um[k]
+
+
+@njit(cache=True)
+def _omega(wave: Array) -> float:
+    omega: float = 2.0 * np.pi * wave[FREQUENCY]
+    return omega
 
 
 @njit(cache=True)
@@ -274,7 +303,7 @@ def sample_ahead(
     samples, turns = np.empty(AHEAD), make_turns(waves.shape[1])
     for b in range(min(width, len(waves) - n * width)):
         wave = waves[n * width + b]
-        if wave[SHAPE] == SINE:
+        if wave[SHAPE] == SINE and not np.isnan(numbers[n, OMEGA, b]):
             continue
         own = tables_um[n * width + b if wave[SHAPE] == SAMPLED else 0]
         fill_wave(wave, own, ahead - int(numbers[n, BEGUN, b]), ts_s, rises, turns, samples)
@@ -295,11 +324,13 @@ def begin_waves(
         lane = indices[j]
         wave, n, b = waves[lane], lane // width, lane % width
         _place_wave(low_hz, high_hz, table, choice[j], position[j], seed[j], wave)
-        numbers[0, OMEGA, j] = 2.0 * np.pi * wave[FREQUENCY] if wave[SHAPE] == SINE else np.nan
+        # Beside waves of other shapes a sine is had some samples at a time as well.
+        formula = wave[SHAPE] == SINE and not len(first_um)
+        numbers[0, OMEGA, j] = _omega(wave) if formula else np.nan
         numbers[0, PHASE, j] = wave[ANGLE]
         numbers[0, AMPLITUDE, j], numbers[0, CENTRE, j] = wave[HEIGHT], wave[MIDDLE]
         numbers[0, RISE, j] = wave[START]
-        if wave[SHAPE] == SINE:
+        if formula:
             continue
         row = table_row(n, share, step + shown, AHEAD)
         left = AHEAD - row if row else 0

@@ -445,9 +445,7 @@ def _x_lanes(
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _turn_lanes(
-    ways: Array, p: Array, own: Array, state: Array, at: Places, rooms: Array
-) -> None:
+def _turn_lanes(ways: Array, p: Array, own: Array, state: Array, at: Places, rooms: Array) -> None:
     """Do as :func:`_turn` for the lanes at some places, loop by loop."""
     m = len(at)
     n, kappa, x, rate = rooms[3, :m], rooms[4, :m], rooms[5, :m], rooms[6, :m]

@@ -119,6 +119,77 @@ def preisach_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> None
         _one_lane(u, p, state, y, b)
 
 
+_TOGETHER = 5
+"""First row of the tables, of which :func:`preisach_lanes` finds each lane's together."""
+
+
+@njit(cache=True, inline="always")
+def _switched(own: Array, b: int, row: int, plays: int, ramp: float) -> float:
+    """Sum (µm) of the relays of so many plays that slide on one switching value."""
+    at = row + 2 * (plays - 1)
+    total: float = own[b, at] + ramp * own[b, at + 1]
+    return total
+
+
+@njit(cache=True, inline="always")
+def _table_row(x: float, p: Array, b: int, way: int, levels: int) -> tuple[int, float]:
+    """Place of a command's switching value among a lane's tables, and how far up its ramp that is."""
+    i, ramp = _on_ramp((x - p[1, b]) * (1.0 / p[2, b]), p[3, b], levels)
+    return 2 * levels * (i + (levels if way < 0 else 0)), ramp
+
+
+@njit(cache=True)
+def preisach_lanes(u: Array, v: Array, p: Array, state: Array, y: Array) -> None:
+    """As :func:`preisach_block` for one sample of many lanes, of which any number may turn.
+
+    Plays that stay where they are at a turn have been sliding on one switching value: what their
+    relays add is a difference of two sums of its row.
+    """
+    lanes, last_row = u.shape[1], p.shape[0] - 1
+    levels = (state.shape[0] - 4) // 2
+    xi, held = 3, levels + 3
+    own = p[_TOGETHER : last_row - 1].reshape(lanes, last_row - 1 - _TOGETHER)
+    for b in range(lanes):
+        if state[held, b] != p[4, b]:  # of another plant, or none yet
+            _hold_all(p, own, state, b)
+    for b in range(lanes):
+        x, last, half = u[0, b], state[3, b], 0.5 * p[2, b]
+        slides = int(state[2, b])
+        way, sliding = (0 if slides == 0 else 1 if slides > 0 else -1), max(abs(slides), 1)
+        known, row, ramp, total = sliding, 0, 0.0, 0.0
+        if (way > 0 and x < last) or (way < 0 and x > last):
+            row, ramp = _table_row(last, p, b, way, levels)
+            total = state[held + sliding, b] + _switched(own, b, row, sliding, ramp)
+            for d in range(1, sliding):
+                state[xi + d, b] = last - way * (d * half)
+            sliding, way = 1, 0
+        if way == 0:
+            way = 1 if x - half >= state[xi + 1, b] else -1 if x + half <= state[xi + 1, b] else 0
+        if way != 0:
+            while sliding < levels and way * (x - state[xi + sliding, b]) >= sliding * half:
+                sliding += 1
+        for d in range(sliding, known):
+            state[held + d, b] = total - _switched(own, b, row, d, ramp)
+        row, ramp = _table_row(x, p, b, way, levels)
+        total = state[held + sliding, b] + _switched(own, b, row, sliding, ramp)
+        y[0, b] = p[0, b] * x + p[last_row, b] + total
+        state[2, b], state[3, b] = way * sliding, x
+
+
+@njit(cache=True)
+def _hold_all(p: Array, own: Array, state: Array, b: int) -> None:
+    """Make the sums of held relays of a lane anew, from its plays."""
+    levels = (state.shape[0] - 4) // 2
+    held, sliding = levels + 3, max(int(abs(state[2, b])), 1)
+    state[held, b], state[held + levels, b] = p[4, b], 0.0
+    for d in range(levels - 1, sliding - 1, -1):
+        cell = (state[3 + d, b] - p[1, b]) * (1.0 / p[2, b]) - 0.5 * d
+        i, ramp = _on_ramp(cell, p[3, b], levels - d)
+        row = 2 * levels * (i + d)
+        one = _switched(own, b, row, d + 1, ramp) - _switched(own, b, row, d, ramp)
+        state[held + d, b] = state[held + d + 1, b] + one
+
+
 @njit(cache=True)
 def _relay_rows(u: Array, lowest: float, apart: float, ramp: float, xi: Array, rows: Array) -> None:
     """Fill ``rows[K, T]`` with every relay's output since rest, from plays ``xi``, moved along."""
@@ -199,6 +270,8 @@ class Preisach(Core):
 
     name = "preisach"
     block = staticmethod(preisach_block)
+    lanes_block = staticmethod(preisach_lanes)
+    together = _TOGETHER
     linear = ("reversible_um_V", "weights_um")
     title = "Preisach model"
     equation = (
