@@ -31,8 +31,8 @@ class CoreLanes:
         self._ts_s = ts_s
         self.factors, self._gaps_V = self._nominal.factors, self._nominal.gaps_V
         self.rows = (len(pack([self._nominal], ts_s, [0.0])), 2 + self._nominal.n)
-        core = self._nominal
-        self.together = core.together if core.lanes_block else self.rows[0] - 2
+        kind = type(self._nominal)
+        self.together = kind.together if kind.lanes_block else self.rows[0] - 2
 
     @property
     def kernel(self) -> int:
