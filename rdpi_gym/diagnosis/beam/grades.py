@@ -137,7 +137,13 @@ def diagnose(
     """
     began = time.process_time()
     evidence = Evidence.of(dataset)
-    beam, scores, best = searched(evidence, jobs, seed, progress)
+    return diagnosis_of(evidence, *searched(evidence, jobs, seed, progress), began)
+
+
+def diagnosis_of(
+    evidence: Evidence, beam: Beam, scores: Scores, best: Visited, began: float
+) -> Diagnosis:
+    """Grade the sets of a beam that began at a processor time (s)."""
     mean = scores.weights.mean(axis=0)
     order = np.argsort(-mean)
     core = best.model.core.name

@@ -105,8 +105,8 @@ def refitted(
         return None
     if not all(np.isfinite(left).all() for left in lefts):
         return None
-    core = fit.variant.hysteresis.pruned()
-    found = replace(model, core=core, effects=fit.variant.effects)
+    # plays without a weight stay: what an effect takes up leaves others to be wanted
+    found = replace(model, core=fit.variant.hysteresis, effects=fit.variant.effects)
     return Visited(found, fit, tuple(lefts), parent, seconds=time.process_time() - began)
 
 
