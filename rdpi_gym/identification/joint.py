@@ -259,7 +259,7 @@ class _Problem:
     def rows(self, variant: Variant[Any]) -> list[Array]:
         """Derivatives by every weight and every free number and the residual, by record, centred."""
         gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
-        lanes = Neighbours(variant, *self._neighbours(variant), gain_steps)
+        lanes = Neighbours(variant, *self.neighbours(variant), gain_steps)
         found = [lanes.derivatives(r, k) for r, k in zip(self.records, self.kept, strict=True)]
         for each in found:
             centre(each)
@@ -277,7 +277,7 @@ class _Problem:
 
     def changes(self, variant: Variant[Any]) -> list[Array]:
         """Derivatives by every free number and the residual, by record, centred."""
-        lanes = Neighbours(variant, *self._neighbours(variant))
+        lanes = Neighbours(variant, *self.neighbours(variant))
         found = [lanes.changes(r, k) for r, k in zip(self.records, self.kept, strict=True)]
         for each in found:
             centre(each)
@@ -304,7 +304,8 @@ class _Problem:
         weights = np.array(best.hysteresis.gains)
         return here.count * float(weights @ self.price @ weights) + here.bends
 
-    def _neighbours(self, variant: Variant[Any]) -> tuple[list[Variant[Any]], Array]:
+    def neighbours(self, variant: Variant[Any]) -> tuple[list[Variant[Any]], Array]:
+        """Return the variant after a step of each free number, and the steps."""
         changed, steps = [], []
         for number in self.free:
             here = number.read(variant)
@@ -569,14 +570,50 @@ def tangents_near(
     return Tangents(rows, np.concatenate([gains, inside]), owners)
 
 
-def effect_tangents(
-    records: Sequence[Record], variant: Variant[Any], place: int, samples: int | None = None
-) -> list[Array]:
-    """Linearise a model in the parameters of one effect alone, by record and centred."""
-    core, effects = variant.hysteresis, variant.effects
-    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
-    own = replace(problem, free=[n for n in problem.free if n.effect == place])
-    return [each[:, :-1] for each in own.changes(variant)]
+@dataclass(frozen=True, eq=False)
+class EffectRows:
+    """Derivatives of a model's displacement by the parameters of one of its effects."""
+
+    # By record, centred, one row a sample: by each parameter, and what the model leaves (µm)
+    rows: Sequence[Array]
+    ways: Sequence[tuple[bool, bool]]  # Whether each parameter may go up and down
+
+
+def effect_rows(
+    records: Sequence[Record],
+    variants: Sequence[Variant[Any]],
+    place: int,
+    samples: int | None = None,
+) -> list[EffectRows]:
+    """Linearise models that differ by one effect alone, each in the parameters of that effect.
+
+    What they have in common is simulated once.
+    """
+    base, lanes, steps, own = variants[0], list[Variant[Any]](), list[float](), list[list[Free]]()
+    for variant in variants:
+        problem, _ = _begun(records, variant.hysteresis, variant.effects, frozenset(), samples, 0.0)
+        own.append([number for number in problem.free if number.effect == place])
+        changed, by = replace(problem, free=own[-1]).neighbours(variant)
+        lanes += [variant, *changed]
+        steps += [1.0, *by]
+    apart = Neighbours(base, lanes[1:], np.ones(len(lanes) - 1))
+    parts = []
+    for record, kept in zip(records, kept_samples(records, samples), strict=True):
+        rows = apart.changes(record, kept)
+        centre(rows)
+        parts.append(np.hstack([np.zeros((len(rows), 1)), rows]))  # of the base, less itself
+    found, first = [], 0
+    for variant, free in zip(variants, own, strict=True):
+        end, by = first + 1 + len(free), np.array(steps[first + 1 : first + 1 + len(free)])
+        own_rows = [
+            np.column_stack(
+                [(p[:, first + 1 : end] - p[:, first, None]) / by, p[:, -1] - p[:, first]]
+            )
+            for p in parts
+        ]
+        found.append(EffectRows(own_rows, [number.ways(variant) for number in free]))
+        first = end
+    return found
 
 
 def foreseen_um(

@@ -29,6 +29,7 @@ ROUNDS = 6
 RACE_SAMPLES = 6_000
 RACE_STEPS = 3
 FOLLOWED = 2
+LOOKED = 6
 REFITTED = 4
 PAIRS = 4
 FIT_SAMPLES = 24_000
@@ -57,6 +58,7 @@ TABLE: tuple[Constant, ...] = (
     Constant("RACE_SAMPLES", RACE_SAMPLES, "samples", "in the squares of a first look",
              "a hundred for each number"),
     Constant("RACE_STEPS", RACE_STEPS, "steps", "of Gauss-Newton in a first look", "its gain is then settled to 10 %"),
+    Constant("LOOKED", LOOKED, "effects", "that are looked at, of those that promise most", "the beam twice"),
     Constant("FOLLOWED", FOLLOWED, "starts", "of a candidate that are followed", "the optima that are near"),
     Constant("REFITTED", REFITTED, "moves", "of a set that are refitted whole", "the beam and one more"),
     Constant("PAIRS", PAIRS, "pairs", "of effects that are looked at", "as many as are refitted"),

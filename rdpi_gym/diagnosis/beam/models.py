@@ -19,7 +19,7 @@ from rdpi_gym.identification.joint import (
     NO_FIT,
     JointFit,
     Tangents,
-    effect_tangents,
+    effect_rows,
     fit_joint,
     kept_samples,
     tangents,
@@ -188,8 +188,10 @@ class Linear:
     ) -> list[Array]:
         count, found = len(self.evidence.train), []
         for part in (records[:count], records[count:]):
-            by_effect = [effect_tangents(part, variant, k, FIT_SAMPLES) for k in new]
-            found += [np.hstack(columns) for columns in zip(*by_effect, strict=True)]
+            by_effect = [effect_rows(part, [variant], k, FIT_SAMPLES)[0].rows for k in new]
+            found += [
+                np.hstack([own[:, :-1] for own in each]) for each in zip(*by_effect, strict=True)
+            ]
         return found
 
 

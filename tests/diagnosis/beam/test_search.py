@@ -58,7 +58,7 @@ def test_creep_is_named_and_its_probability_is_the_weight_of_its_sets(crept):
 def test_a_phantom_of_creep_gains_next_to_nothing_of_what_creep_does(crept):
     evidence = Evidence.of(crept)
     base = begun(evidence)
-    look = Place(evidence, base.model).look(CATALOGUE["creep"].starts(evidence.scale))
+    look = Place(evidence, base.model).look_at(CATALOGUE["creep"].starts(evidence.scale)[:1])
     with_creep = refitted(evidence, look.model, base.key)
     variant = Variant(with_creep.model.core, with_creep.model.effects)
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
