@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -198,7 +198,9 @@ class _Pass:
     motion: Array  # of every column, over the command's, in the record where it moves most
     columns: Sequence[Array]  # derivatives by the weights, by record
     squares: Sequence[Array]  # their Gram matrices
-    left: Sequence[Array]  # what the plant leaves, by record
+    changes: Sequence[
+        Array
+    ]  # derivatives by the free numbers, and what the plant leaves, by record
     bends: float  # what their price adds to `total`
     core: Core
 
@@ -361,9 +363,8 @@ def _products(
     inner[:n, :n] += count * price
     bends = _add_bends(variant, free, inner[n:, n:], rhs[n:])
     total = float(gram[size, size]) + bends
-    left = [change[:, -1] for change in changes]
     core = variant.hysteresis
-    return _Pass(inner, rhs, total, count, motion, columns, squares, left, bends, core)
+    return _Pass(inner, rhs, total, count, motion, columns, squares, changes, bends, core)
 
 
 def _add_bends(variant: Variant[Any], free: Sequence[Free], gram: Array, rhs: Array) -> float:
@@ -413,6 +414,30 @@ def fit_joint(
     smoothness: float = 0.0,
 ) -> JointFit:
     """Refit the weights, δ2 and every parameter of the effects to records."""
+    return _refitted(records, start, effects, passes, tolerance, held, samples, smoothness)[0]
+
+
+def fit_linearised(
+    records: Sequence[Record], start: Core, effects: Sequence[Effect], passes: int, samples: int
+) -> tuple[JointFit, Tangents]:
+    """Refit as :func:`fit_joint`, and linearise the model where it ends: by the last pass."""
+    fit, at, gains, free = _refitted(
+        records, start, effects, passes, 1e-4, frozenset(), samples, 0.0
+    )
+    return fit, _tangents_of(fit.variant, free, at, gains)
+
+
+def _refitted(
+    records: Sequence[Record],
+    start: Core,
+    effects: Sequence[Effect],
+    passes: int,
+    tolerance: float,
+    held: frozenset[str],
+    samples: int | None,
+    smoothness: float,
+) -> tuple[JointFit, _Pass, Array, Sequence[Free]]:
+    """Return the refit, its last pass, the gains of that pass's place, and the free numbers."""
     problem, best = _begun(records, start, effects, held, samples, smoothness)
     here = problem.whole_pass(best)
     best = _with_gains(best, here.gains)
@@ -438,16 +463,17 @@ def fit_joint(
         else:
             converged = damping > _LARGEST_DAMPING
             damping *= 10
-    best = _with_gains(best, here.gains)
+    before, best = best, _with_gains(best, here.gains)
     if moves > 0 and not converged:  # one small step after a whole pass moves no derivative
         here = problem.whole_pass(best)
+        before = best
         best = _with_gains(best, here.gains)
         cost = here.least
     cost -= problem.priced(best, here)
     edge = [n for n in problem.free if n.effect is not None and n.at_bound(best)]
     errors = _standard_errors(best, problem.free, here, cost)
     own = [n.name(best) for n in problem.free if n.effect is None]
-    return JointFit(
+    fit = JointFit(
         best,
         math.sqrt(max(cost, 0.0) / max(here.count, 1)),
         tuple(n.name(best) for n in edge),
@@ -457,6 +483,7 @@ def fit_joint(
         smoothness,
         {name: errors[name] for name in own},
     )
+    return fit, here, np.array(before.hysteresis.gains), problem.free
 
 
 NO_FIT = (ValueError, ArithmeticError)
@@ -473,9 +500,8 @@ class FirstSteps:
     # Derivatives by the weights, by record, of a place near by
     columns: Sequence[Array]
     squares: Sequence[Array]
-    # Residual at the same samples (µm),
-    # without offset
-    left_um: Sequence[Array]
+    left_um: Sequence[Array]  # Residual at the same samples (µm), without offset
+    linearise: Callable[[], Tangents]  # By its last pass
 
 
 def first_steps(
@@ -522,10 +548,17 @@ def first_steps(
                 break
         else:
             damping *= 10
+    gains = np.array(best.hysteresis.gains)
     best = _with_gains(best, here.gains)
     cost -= problem.priced(best, here)
+    left = [change[:, -1] for change in here.changes]
     return FirstSteps(
-        best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
+        best,
+        math.sqrt(max(cost, 0.0) / max(here.count, 1)),
+        here.columns,
+        here.squares,
+        left,
+        partial(_tangents_of, best, problem.free, here, gains),
     )
 
 
@@ -537,9 +570,6 @@ class Tangents:
     rows: Sequence[Array]
     # Which of these numbers may move: gains above zero or of either sign, others within their bounds
     moves: BoolArray
-    effects: Sequence[
-        int | None
-    ]  # Place of the effect that each number belongs to; None for the core
 
 
 def tangents(
@@ -550,8 +580,20 @@ def tangents(
     problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
     gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
     inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
-    owners = [None] * len(gains) + [number.effect for number in problem.free]
-    return Tangents(problem.rows(variant), np.concatenate([gains, inside]), owners)
+    return Tangents(problem.rows(variant), np.concatenate([gains, inside]))
+
+
+def _tangents_of(variant: Variant[Any], free: Sequence[Free], at: _Pass, gains: Array) -> Tangents:
+    """Linearise a model by a pass whose place had other gains."""
+    core = variant.hysteresis
+    further = np.array(core.gains) - gains
+    rows = [
+        np.column_stack([own, change[:, :-1], change[:, -1] - own @ further])
+        for own, change in zip(at.columns, at.changes, strict=True)
+    ]
+    moves = (np.array(core.gains) > 0.0) | np.array(core.signed)
+    inside = np.array([any(n.ways(variant)) for n in free], dtype=np.bool_)
+    return Tangents(rows, np.concatenate([moves, inside]))
 
 
 def tangents_near(
@@ -562,12 +604,11 @@ def tangents_near(
     problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
     inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
     gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
-    owners = [None] * len(gains) + [number.effect for number in problem.free]
     rows = [
         np.hstack([own, change])
         for own, change in zip(columns, problem.changes(variant), strict=True)
     ]
-    return Tangents(rows, np.concatenate([gains, inside]), owners)
+    return Tangents(rows, np.concatenate([gains, inside]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from rdpi_gym.identification.joint import (
     JointFit,
     Tangents,
     effect_rows,
-    fit_joint,
+    fit_linearised,
     kept_samples,
     tangents,
 )
@@ -91,8 +91,7 @@ def refitted(
     began = time.process_time()
     here = evidence.mended(model.clocks)
     try:
-        fit = fit_joint(here.train, model.core, model.effects, PASSES, samples=FIT_SAMPLES)
-        at = tangents(here.train, fit.variant, FIT_SAMPLES)
+        fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
         kept = kept_samples(here.train, FIT_SAMPLES)
         rows = [
             _with_clocks(record, index, own, model.clocks, fit.variant)

@@ -21,8 +21,9 @@ from rdpi_gym.diagnosis.beam.constants import (
     PAIRS,
     RACE_SAMPLES,
     RACE_STEPS,
+    TEMPERATURE,
 )
-from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence
 from rdpi_gym.diagnosis.beam.models import Model, clock_column
 from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, whole_step
@@ -81,11 +82,19 @@ class Place:
         )  # fmt: skip
 
     def _steps(self, effects: Sequence[Effect], steps: int) -> FirstSteps:
-        """Take some steps, or as many as may lead to less than the set itself leaves."""
+        """Take some steps, or as many as may lead to less than the set itself leaves, a name paid for."""
+        worth = self._worth if len(effects) > len(self.model.effects) else 1.0
         return first_steps(
             self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES,
-            near=self.begun, least_um=self.begun.train_rmse_um,
+            near=self.begun, least_um=worth * self.begun.train_rmse_um,
         )  # fmt: skip
+
+    @cached_property
+    def _worth(self) -> float:
+        """Share of its error that a set may leave with a name more, for its prior to be made up for."""
+        price = log_prior(0, len(CATALOGUE)) - log_prior(1, len(CATALOGUE))
+        blocks = sum(Blocks.of(self.begun.left_um).counts)
+        return math.exp(-0.5 * price * TEMPERATURE / blocks)
 
     @cached_property
     def foresight(self) -> Foresight:
@@ -137,9 +146,8 @@ class Place:
 
     def _linearised(self, fit: FirstSteps) -> tuple[Tangents, Tangents]:
         """Linearise a model near the set on the records to fit and to judge by."""
-        train, validation = self.evidence.train, self.evidence.validation
-        at = tangents_near(train, fit.variant, fit.columns, RACE_SAMPLES)
-        return at, tangents_near(validation, fit.variant, self._to_judge, RACE_SAMPLES)
+        validation = self.evidence.validation
+        return fit.linearise(), tangents_near(validation, fit.variant, self._to_judge, RACE_SAMPLES)
 
     @cached_property
     def _linear(self) -> tuple[Tangents, Tangents]:
