@@ -21,6 +21,7 @@ from rdpi_gym.diagnosis.beam.constants import (
     PAIRS,
     RACE_SAMPLES,
     RACE_STEPS,
+    REFITTED,
     TEMPERATURE,
 )
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
@@ -98,13 +99,28 @@ class Place:
 
     @cached_property
     def foresight(self) -> Foresight:
-        """The set linearised on the records to fit."""
-        return Foresight(self._linear[0])
+        """The set linearised on all records."""
+        return Foresight(*self._linear)
+
+    @cached_property
+    def _blocks(self) -> tuple[Blocks, float, float]:
+        """Blocks of what the set leaves, the floor (µm rms), and the mean score."""
+        lefts = self.foresight.lefts
+        blocks, floor_um = Blocks.of(lefts), self.evidence.floor_um(lefts)
+        return blocks, floor_um, float(blocks.scores(lefts, floor_um).mean())
+
+    def _gain(self, lefts: Sequence[Array]) -> float:
+        """What is gained where so much is left (nats a block)."""
+        blocks, floor_um, here = self._blocks
+        return here - float(blocks.scores(lefts, floor_um).mean())
 
     def signed(self, starts: Iterable[Effect]) -> list[Signature]:
         """Simulate signatures of starts beside the set."""
-        model, left = self.model, np.concatenate(self.begun.left_um)
-        return signatures(self.evidence.train, model.core, model.effects, left, starts)
+        parts, lefts = (self.evidence.train, self.evidence.validation), self._linear
+        joined = [np.concatenate([rows[:, -1] for rows in at.rows]) for at in lefts]
+        pairs = list(zip(parts, joined, strict=True))
+        variant = self.begun.variant
+        return signatures(pairs, variant.hysteresis, variant.effects, starts)
 
     def look_at(self, starts: Starts) -> Look | None:
         """Go some steps from starts; None where these lead nowhere."""
@@ -168,32 +184,35 @@ class Place:
         kept = tuple(e for e in self.model.effects if e.name != name)
         return replace(self, model=replace(self.model, effects=kept), near=self.begun)
 
-    def _forms(self, offered: Iterable[Signature]) -> dict[str, list[Promise]]:
-        """Best start of each form of each effect that fits and promises something, by effect."""
-        found: dict[str, dict[type[Effect], Promise]] = {}
-        for promise in self.foresight.promises(list(offered)):
-            kind = type(promise.signature.start)
-            if promise.squares < self.foresight.squares:
-                found.setdefault(kind.name, {}).setdefault(kind, promise)
-        return {name: list(forms.values()) for name, forms in found.items()}
+    def _promised(self, offered: Iterable[Signature]) -> dict[str, list[tuple[float, Promise]]]:
+        """Forms by what they promise to gain (nats a block), by effect, those that promise most first."""
+        promised = self.foresight.promises(list(offered))
+        gains = [(self._gain(self.foresight.after(each)), each) for each in promised]
+        found: dict[str, list[tuple[float, Promise]]] = {}
+        for gain, each in sorted(gains, key=lambda own: -own[0]):
+            found.setdefault(each.signature.start.name, []).append((gain, each))
+        return {name: forms for name, forms in found.items() if forms[0][0] > 0.0}
+
+    @cached_property
+    def _new(self) -> dict[str, list[tuple[float, Promise]]]:
+        names = self.model.names
+        return self._promised(own for own in self.offered if own.start.name not in names)
 
     def additions(self) -> list[Starts]:
         """Starts of the effects that promise most: of each the simplest form, and the best one."""
-        new = [own for own in self.offered if own.start.name not in self.model.names]
         asked: list[Starts] = []
-        for forms in list(self._forms(new).values())[:LOOKED]:
-            kinds = forms_of(CATALOGUE[forms[0].signature.start.name])
-            simplest = min(forms, key=lambda each: kinds.index(type(each.signature.start)))
-            asked += [(each.signature.start,) for each in dict.fromkeys((simplest, forms[0]))]
+        for name, forms in list(self._new.items())[:LOOKED]:
+            kinds, own = forms_of(CATALOGUE[name]), [each.signature.start for _, each in forms]
+            simplest = min(own, key=lambda start: kinds.index(type(start)))
+            asked += [(start,) for start in dict.fromkeys((simplest, own[0]))]
         return asked
 
     def pairs(self) -> list[Starts]:
         """Starts of the pairs of effects that promise most beyond the better one of them."""
-        new = [own for own in self.offered if own.start.name not in self.model.names]
-        best = [forms[0] for forms in self._forms(new).values()]
+        best = [forms[0] for forms in self._new.values()][: 2 * LOOKED]
         gains = [
-            (min(a.squares, b.squares) - self.foresight.both(a, b), a, b)
-            for a, b in combinations(best, 2)
+            (self._gain(self.foresight.after_both(a, b)) - max(one, other), a, b)
+            for (one, a), (other, b) in combinations(best, 2)
         ]
         gains.sort(key=lambda each: -each[0])
         return [(a.signature.start, b.signature.start) for _, a, b in gains[:PAIRS]]
@@ -210,15 +229,15 @@ class Place:
         ]
         own = [each for each in self.offered if each.start.name == of.name]
         own = [each for each in (*self.signed(begun), *own) if type(each.start) is not type(of)]
-        promised = self._forms(own).get(of.name, [])
-        return [(each.signature.start,) for each in promised[:FOLLOWED]]
+        promised = self._promised(own).get(of.name, [])
+        return [(each.signature.start,) for _, each in promised[:REFITTED]]
 
     def blocks(self) -> list[Starts]:
         """Starts of the free blocks that promise most, one at each place of the chain."""
         core, scale = type(self.model.core), self.evidence.scale
         starts = [s for kind in FREE_BLOCKS if kind.fits_in(core) for s in kind.starts(scale)]
-        promised = self._forms(self.signed(starts)).get(Unknown.name, [])
-        return [(each.signature.start,) for each in promised[:FOLLOWED]]
+        promised = self._promised(self.signed(starts)).get(Unknown.name, [])
+        return [(each.signature.start,) for _, each in promised[:FOLLOWED]]
 
     def clocks(self) -> list[Look]:
         """Looks at faults of the clock of each record, and of all records alike."""
@@ -265,15 +284,23 @@ def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
 
 
 def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:
-    """Return the looks that gain, less those that are worse than the best by the one decision."""
+    """Return the looks that gain most, one for each name.
+
+    Of a name's forms it is the first, in their order, that is not worse than its best one by the one
+    decision.
+    """
     if not looks:
         return []
     here, scores = _scores(base, looks, evidence)
     gains = (here - scores).mean(axis=1)
-    behind = scores - scores[int(np.argmax(gains))]
-    worse = chances(behind, np.zeros(len(looks)), draw_blocks(scores.shape[1])) < LEVEL
-    order = [int(k) for k in np.argsort(-gains)[:most] if gains[k] > 0.0]
-    return [looks[k] for place, k in enumerate(order) if place < FOLLOWED or not worse[k]]
+    draws, chosen, named = draw_blocks(scores.shape[1]), list[int](), set[tuple[str, ...]]()
+    for k in map(int, np.argsort(-gains)):
+        if gains[k] > 0.0 and looks[k].new not in named and len(chosen) < most:
+            named.add(looks[k].new)
+            own = [m for m, look in enumerate(looks) if look.new == looks[k].new]
+            worse = chances(scores[own] - scores[k], np.zeros(len(own)), draws) < LEVEL
+            chosen.append(own[int(np.argmin(worse))])
+    return [looks[k] for k in chosen]
 
 
 def bearable(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look]:

@@ -30,52 +30,53 @@ class Signature:
     """One start of an effect."""
 
     start: Effect
-    rows: Array  # By each parameter, and what the start itself changes (µm), ``(N, p + 1)``
+    # By each parameter, and what the start itself changes (µm), on all records, ``(N, p + 1)``
+    rows: Array
+    fitted: int  # Rows of the records to fit, which come first
     ways: Sequence[tuple[bool, bool]]  # Whether each parameter may go up and down
 
     @cached_property
     def gram(self) -> Array:
-        """Products of its columns."""
-        return np.asarray(self.rows.T @ self.rows)
+        """Products of its columns on the records to fit."""
+        rows = self.rows[: self.fitted]
+        return np.asarray(rows.T @ rows)
+
+
+Part = tuple[Sequence[Record], Array]
+"""Records, and what a set leaves of them (µm), centred by record and joined."""
 
 
 def signatures(
-    records: Sequence[Record],
-    core: Core,
-    effects: Sequence[Effect],
-    left: Array,
-    starts: Iterable[Effect],
+    parts: Sequence[Part], core: Core, effects: Sequence[Effect], starts: Iterable[Effect]
 ) -> list[Signature]:
-    """Simulate starts beside a set, which leaves so much of the records (µm, centred)."""
+    """Simulate starts beside a set, on the records to fit and on those to judge by."""
     found = []
     for _, group in groupby(starts, key=type):
         alike = list(group)
         try:
-            found += _of_one_form(records, core, effects, left, alike)
+            found += _of_one_form(parts, core, effects, alike)
         except NO_FIT:  # one of them, perhaps
             for start in alike:
                 try:
-                    found += _of_one_form(records, core, effects, left, [start])
+                    found += _of_one_form(parts, core, effects, [start])
                 except NO_FIT:
                     continue
-    return [each for each in found if np.isfinite(each.gram).all()]
+    return [each for each in found if np.isfinite(each.rows).all()]
 
 
 def _of_one_form(
-    records: Sequence[Record],
-    core: Core,
-    effects: Sequence[Effect],
-    left: Array,
-    starts: Sequence[Effect],
+    parts: Sequence[Part], core: Core, effects: Sequence[Effect], starts: Sequence[Effect]
 ) -> list[Signature]:
     chains = [in_chain_order([*effects, start]) for start in starts]
     place = next(k for k, effect in enumerate(chains[0]) if effect is starts[0])
     variants = [Variant(core, tuple(chain)) for chain in chains]
+    both = [effect_rows(records, variants, place, RACE_SAMPLES) for records, _ in parts]
+    left = np.concatenate([each for _, each in parts])
     found = []
-    for start, own in zip(starts, effect_rows(records, variants, place, RACE_SAMPLES), strict=True):
-        rows = np.concatenate(own.rows)
+    for start, *own in zip(starts, *both, strict=True):
+        rows = np.concatenate([each for part in own for each in part.rows])
         rows[:, -1] = left - rows[:, -1]
-        found.append(Signature(start, rows, own.ways))
+        found.append(Signature(start, rows, parts[0][1].size, own[0].ways))
     return found
 
 
@@ -84,56 +85,74 @@ class Promise:
     """What a start promises beside a set."""
 
     signature: Signature
-    squares: float  # That are left after one step (µm²)
     step: Array  # Of the effect's parameters
+    squares: float  # That are left of the records to fit after this step (µm²)
 
 
 class Foresight:
-    """A set linearised: a basis of its columns, and what it leaves beside them.
+    """A set linearised: what its own numbers explain of a column, and what it leaves.
 
     Parameters
     ----------
-    at
-        On the records to fit.
+    train, validation
+        On the records to fit and to judge by.
     """
 
-    def __init__(self, at: Tangents) -> None:
-        columns = np.flatnonzero(at.moves)
-        self._basis = np.linalg.qr(np.concatenate([rows[:, columns] for rows in at.rows]))[0]
-        self.left = self._less(np.concatenate([rows[:, -1] for rows in at.rows]))
-        self.squares = float(self.left @ self.left)
+    def __init__(self, train: Tangents, validation: Tangents) -> None:
+        columns = np.flatnonzero(train.moves)
+        rows = [*train.rows, *validation.rows]
+        self._columns = np.concatenate([each[:, columns] for each in rows])
+        self._fitted = sum(map(len, train.rows))
+        self._ends = np.cumsum([len(each) for each in rows])[:-1]
+        self._inverse = np.linalg.pinv(self._columns[: self._fitted])
+        self._left = self._less(np.concatenate([each[:, -1] for each in rows]))
+        here = self._left[: self._fitted]
+        self.squares = float(here @ here)
 
     def _less(self, columns: Array) -> Array:
-        """Return columns less what the set's own numbers explain of them."""
-        return np.asarray(columns - self._basis @ (self._basis.T @ columns))
+        """Return columns less what the set's own numbers, fitted to the same, explain of them."""
+        explained = self._columns @ (self._inverse @ columns[: self._fitted])
+        return np.asarray(columns - explained)
+
+    def _by_record(self, left: Array) -> list[Array]:
+        return np.split(left, self._ends)
+
+    @property
+    def lefts(self) -> list[Array]:
+        """What the set leaves (µm), by record: those to fit, then those to judge by."""
+        return self._by_record(self._left)
 
     def promises(self, offered: Sequence[Signature]) -> list[Promise]:
-        """Return what each start promises, most first."""
-        found = []
+        """Return what the best start of each form promises."""
+        found: dict[type[Effect], Promise] = {}
         for own in offered:
-            inside = self._basis.T @ own.rows
-            gram, pull = own.gram - inside.T @ inside, self.left @ own.rows
+            rows = own.rows[: self._fitted]
+            inside = self._inverse @ rows
+            across = self._columns[: self._fitted].T @ rows
+            gram = own.gram - inside.T @ across
+            pull = self._left[: self._fitted] @ rows
             rhs = pull[:-1] - gram[:-1, -1]
             total = self.squares - 2.0 * float(pull[-1]) + float(gram[-1, -1])
             step = bounded(gram[:-1, :-1], rhs, own.ways)
             squares = total - 2.0 * float(step @ rhs) + float(step @ gram[:-1, :-1] @ step)
-            found.append(Promise(own, squares, step))
-        return sorted(found, key=lambda each: each.squares)
+            best = found.get(type(own.start))
+            if best is None or squares < best.squares:
+                found[type(own.start)] = Promise(own, step, squares)
+        return list(found.values())
 
-    def after(self, promise: Promise) -> Array:
-        """Return what the set would leave after the step (µm)."""
-        rows = promise.signature.rows
-        return self.left - self._less(rows @ np.append(promise.step, 1.0))
+    def after(self, promise: Promise) -> list[Array]:
+        """Return what the set would leave after the step (µm), by record."""
+        change = promise.signature.rows @ np.append(promise.step, 1.0)
+        return self._by_record(self._left - self._less(change))
 
-    def both(self, a: Promise, b: Promise) -> float:
-        """Return the squares that two starts together would leave (µm²)."""
-        rows = self._less(np.hstack([a.signature.rows, b.signature.rows]))
-        n = a.signature.rows.shape[1] - 1
-        columns = np.delete(rows, (n, rows.shape[1] - 1), axis=1)
-        left = self.left - rows[:, n] - rows[:, -1]
-        ways = [*a.signature.ways, *b.signature.ways]
-        step = bounded(columns.T @ columns, columns.T @ left, ways)
-        return float(np.sum((left - columns @ step) ** 2))
+    def after_both(self, a: Promise, b: Promise) -> list[Array]:
+        """Return what the set would leave after a step of two starts together (µm), by record."""
+        rows = [self._less(each.signature.rows) for each in (a, b)]
+        left = self._left - rows[0][:, -1] - rows[1][:, -1]
+        columns = np.hstack([each[:, :-1] for each in rows])
+        here, fitted = columns[: self._fitted], left[: self._fitted]
+        step = bounded(here.T @ here, here.T @ fitted, [*a.signature.ways, *b.signature.ways])
+        return self._by_record(left - columns @ step)
 
 
 def bounded(gram: Array, rhs: Array, ways: Sequence[tuple[bool, bool]]) -> Array:
