@@ -139,9 +139,10 @@ class Thinned:
 
 
 def thinned(
-    dataset: Dataset, openings: Mapping[str, BoolArray], most: int = SEARCH_MOST
+    dataset: Dataset, openings: Mapping[str, BoolArray], most: int | None = None
 ) -> Thinned | None:
     """Return the `most` samples that a search reads of a data set; None where it reads all."""
+    most = SEARCH_MOST if most is None else most
     moving = [r for r in dataset.records if r.role != "test" and not r.is_quiet]
     total = sum(int(r.error_mask.sum()) for r in moving)
     if total < 2 * most:
@@ -178,9 +179,9 @@ def close_up(records: Sequence[Record]) -> tuple[Record, ...]:
     return tuple(found)
 
 
-def _room(sizes: Sequence[int], most: int = SEARCH_MOST) -> int:
+def _room(sizes: Sequence[int], most: int | None = None) -> int:
     """Samples that each record may keep: those that have fewer leave theirs to the others."""
-    left, many = most, len(sizes)
+    left, many = SEARCH_MOST if most is None else most, len(sizes)
     for size in sorted(sizes):
         if size * many > left:
             break

@@ -173,7 +173,12 @@ class Place:
         at, judged = self._linearised(fit)
         core, effects = fit.variant.hysteresis, fit.variant.effects
         model = replace(self.model, core=core, effects=effects)
-        return Look(model, tuple(cross_fitted(at.rows, at.moves, judged.rows)), new)
+        lefts = cross_fitted(at.rows, at.moves, judged.rows)
+        here = [rows[:, -1] for rows in (*at.rows, *judged.rows)]
+        count = len(at.rows)
+        if _squares(lefts[:count]) < _squares(here[:count]):  # a step that was not taken
+            lefts = here
+        return Look(model, tuple(lefts), new)
 
     def stepped(self) -> Look:
         """The set itself after as many steps as a look takes."""
@@ -190,21 +195,33 @@ class Place:
         gains = [(self._gain(self.foresight.after(each)), each) for each in promised]
         found: dict[str, list[tuple[float, Promise]]] = {}
         for gain, each in sorted(gains, key=lambda own: -own[0]):
-            found.setdefault(each.signature.start.name, []).append((gain, each))
+            found.setdefault(each.start.name, []).append((gain, each))
         return {name: forms for name, forms in found.items() if forms[0][0] > 0.0}
 
     @cached_property
     def _new(self) -> dict[str, list[tuple[float, Promise]]]:
-        names = self.model.names
-        return self._promised(own for own in self.offered if own.start.name not in names)
+        names, core = self.model.names, type(self.model.core)
+        kinds = [kind for name, kind in CATALOGUE.items() if name not in names]
+        train, lefts = self.evidence.train, self.begun.left_um
+        longest = int(np.argmax([len(left) for left in lefts]))
+        t_s = train[longest].t_s[kept_samples(train, RACE_SAMPLES)[longest]]
+        shown = [
+            start
+            for kind in kinds
+            for form in forms_of(kind)
+            if form.fits_in(core)
+            for start in form.seen_in(t_s, lefts[longest])
+        ]
+        own = [each for each in self.offered if each.start.name not in names]
+        return self._promised([*self.signed(shown), *own])
 
     def additions(self) -> list[Starts]:
         """Starts of the effects that promise most: of each the simplest form, and the best one."""
         asked: list[Starts] = []
         for name, forms in list(self._new.items())[:LOOKED]:
-            kinds, own = forms_of(CATALOGUE[name]), [each.signature.start for _, each in forms]
-            simplest = min(own, key=lambda start: kinds.index(type(start)))
-            asked += [(start,) for start in dict.fromkeys((simplest, own[0]))]
+            kinds, best = forms_of(CATALOGUE[name]), forms[0][1]
+            simplest = min((own for _, own in forms), key=lambda own: kinds.index(own.form))
+            asked += [(own,) for own in dict.fromkeys((simplest.start, best.start, *best.further))]
         return asked
 
     def pairs(self) -> list[Starts]:
@@ -215,7 +232,7 @@ class Place:
             for (one, a), (other, b) in combinations(best, 2)
         ]
         gains.sort(key=lambda each: -each[0])
-        return [(a.signature.start, b.signature.start) for _, a, b in gains[:PAIRS]]
+        return [(a.start, b.start) for _, a, b in gains[:PAIRS]]
 
     def forms(self, of: Effect) -> list[Starts]:
         """Starts of the other forms of an effect that the set without it has: those that promise most."""
@@ -230,14 +247,14 @@ class Place:
         own = [each for each in self.offered if each.start.name == of.name]
         own = [each for each in (*self.signed(begun), *own) if type(each.start) is not type(of)]
         promised = self._promised(own).get(of.name, [])
-        return [(each.signature.start,) for _, each in promised[:REFITTED]]
+        return [(each.start,) for _, each in promised[:REFITTED]]
 
     def blocks(self) -> list[Starts]:
         """Starts of the free blocks that promise most, one at each place of the chain."""
         core, scale = type(self.model.core), self.evidence.scale
         starts = [s for kind in FREE_BLOCKS if kind.fits_in(core) for s in kind.starts(scale)]
         promised = self._promised(self.signed(starts)).get(Unknown.name, [])
-        return [(each.signature.start,) for _, each in promised[:FOLLOWED]]
+        return [(each.start,) for _, each in promised[:FOLLOWED]]
 
     def clocks(self) -> list[Look]:
         """Looks at faults of the clock of each record, and of all records alike."""
@@ -267,6 +284,10 @@ class Place:
             return None
         model = replace(self.model, clocks=(*self.model.clocks, replace(clock, value=size)))
         return Look(model, tuple(cross_fitted(both[0], moves, both[1])), (clock.name,))
+
+
+def _squares(lefts: Sequence[Array]) -> float:
+    return sum(float(left @ left) for left in lefts)
 
 
 def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:

@@ -9,7 +9,7 @@ numbers explain of it (the score test of Rao 1948).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 
@@ -87,6 +87,17 @@ class Promise:
     signature: Signature
     step: Array  # Of the effect's parameters
     squares: float  # That are left of the records to fit after this step (µm²)
+    further: tuple[Effect, ...] = ()  # The start of the same form that promises next most
+
+    @property
+    def start(self) -> Effect:
+        """The start."""
+        return self.signature.start
+
+    @property
+    def form(self) -> type[Effect]:
+        """Form of the effect."""
+        return type(self.signature.start)
 
 
 class Foresight:
@@ -124,7 +135,7 @@ class Foresight:
 
     def promises(self, offered: Sequence[Signature]) -> list[Promise]:
         """Return what the best start of each form promises."""
-        found: dict[type[Effect], Promise] = {}
+        found: dict[type[Effect], list[Promise]] = {}
         for own in offered:
             rows = own.rows[: self._fitted]
             inside = self._inverse @ rows
@@ -135,10 +146,9 @@ class Foresight:
             total = self.squares - 2.0 * float(pull[-1]) + float(gram[-1, -1])
             step = bounded(gram[:-1, :-1], rhs, own.ways)
             squares = total - 2.0 * float(step @ rhs) + float(step @ gram[:-1, :-1] @ step)
-            best = found.get(type(own.start))
-            if best is None or squares < best.squares:
-                found[type(own.start)] = Promise(own, step, squares)
-        return list(found.values())
+            found.setdefault(type(own.start), []).append(Promise(own, step, squares))
+        ordered = [sorted(each, key=lambda own: own.squares) for each in found.values()]
+        return [replace(best, further=tuple(o.start for o in rest[:1])) for best, *rest in ordered]
 
     def after(self, promise: Promise) -> list[Array]:
         """Return what the set would leave after the step (µm), by record."""
