@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -18,6 +21,8 @@ import pandas as pd
 from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.measurement import DATA_HINT, Dataset, Record, load, measured_data
+from rdpi_gym.plant.cores.play import play_columns
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.markdown import frame_table
 from studies.runner import Files, Study
 
@@ -63,29 +68,121 @@ def mirror_axis(folder: Path) -> Dataset:
     return Dataset("one axis of a fine steering mirror", tuple(records))
 
 
+WAYS = (
+    "as published",
+    "a second more left out",
+    "roles exchanged",
+    "half of the validation records to fit",
+)
+"""Ways to split a data set."""
+
+
 def splits(dataset: Dataset) -> dict[str, Dataset]:
-    """Return a data set of one record to fit and one to validate on, split in four ways."""
-    (first,), (second,) = dataset.train, dataset.validation
-    counted = np.flatnonzero(first.error_mask)
-    later = np.arange(first.t_s.size) >= counted[0] + round(1.0 / first.ts_s)
-    half = np.arange(second.t_s.size) < second.t_s.size // 2
-    ways = {
-        "picma": (first, second),
-        "picma, a second more left out": (
-            replace(first, error_mask=first.error_mask & later),
-            second,
+    """Return a data set split in four ways: as it is, with an opening left out, exchanged, and halved."""
+    train, validation = dataset.train, dataset.validation
+    if dataset.holds_out_quarters:
+        train, validation = dataset.in_blocks
+    names = {r.name for r in train}
+    held = tuple(
+        replace(r, name=f"{r.name}-held" if r.name in names else r.name, role="validation")
+        for r in validation
+    )
+    halves = []
+    for record in held:
+        counted = np.flatnonzero(record.error_mask)
+        first = np.arange(record.t_s.size) < counted[counted.size // 2]
+        name = f"{record.name}-first"
+        halves += [
+            replace(record, name=name, role="train", error_mask=record.error_mask & first),
+            replace(record, error_mask=record.error_mask & ~first),
+        ]
+    parts: tuple[tuple[Record, ...], ...] = (
+        (*train, *held),
+        (*map(_later, train), *held),
+        (
+            *(replace(record, role="validation") for record in train),
+            *(replace(record, role="train") for record in held),
         ),
-        "picma, roles exchanged": (
-            replace(first, role="validation"),
-            replace(second, role="train"),
-        ),
-        "picma, half of the validation record to fit": (
-            first,
-            replace(second, name="first-half", role="train", error_mask=second.error_mask & half),
-            replace(second, error_mask=second.error_mask & ~half),
-        ),
+        (*train, *halves),
+    )
+    rest = dataset.test
+    return {
+        name: replace(dataset, records=(*records, *dataset.quiet, *rest))
+        for name, records in zip(WAYS, parts, strict=True)
     }
-    return {name: replace(dataset, records=records) for name, records in ways.items()}
+
+
+def _later(record: Record) -> Record:
+    """Leave out a second more of a record, or a tenth of it where it is short."""
+    counted = np.flatnonzero(record.error_mask)
+    more = min(round(1.0 / record.ts_s), counted.size // 10)
+    later = np.arange(record.t_s.size) >= counted[0] + more
+    return replace(record, error_mask=record.error_mask & later)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A set of measured records, and what else is known to fit it."""
+
+    name: str
+    published: str  # Error of others, and whose
+    branches: Literal["play", "stop"] = "play"  # Operators of the model that is fitted by hand
+
+    @cached_property
+    def dataset(self) -> Dataset | None:
+        """The records; None where they are absent."""
+        folder = measured_data(self.name)
+        if folder is None:
+            return None
+        return mirror_axis(folder) if self.name == "fsm" else load(folder)
+
+
+SETS = (
+    Measured("picma", "0.145 µm: plays, cubic, relaxations, velocity, delay"),
+    Measured("friction_damper", "5.6 to 6.1 %: 40 stops and a slope", "stop"),
+    Measured("fsm", "linear with 28 states and three inputs: 0.25 to 0.66 µm"),
+    Measured("mr_damper", "", "stop"),
+    Measured("pneumatic_friction", "", "stop"),
+    Measured("ferroelectric_forc", ""),
+)
+"""All of them; of those without a published error the model fitted by hand is the measure."""
+_OPERATORS = 30
+
+
+def fit_by_hand(train: Sequence[Record], validation: Sequence[Record], branches: str) -> float:
+    """Error (rms, offset free) of a cubic curve, 30 plays or stops and a rate by linear least squares.
+
+    The weights of the operators are not negative; the sign of the whole is that of the records.
+    """
+    from scipy.optimize import lsq_linear
+
+    span = max(float(np.ptp(r.u_V)) for r in train)
+    fastest = max(float(np.max(np.abs(np.gradient(r.u_V, r.ts_s)))) for r in train)
+    thresholds = 0.5 * span * np.arange(1, _OPERATORS + 1) / (_OPERATORS + 1)
+
+    def rows(record: Record) -> tuple[Array, Array]:
+        u = np.ascontiguousarray(record.u_V)
+        plays = np.empty((_OPERATORS, u.size))
+        memory = np.full(_OPERATORS, float(u[0]))
+        play_columns(u, np.zeros_like(u), thresholds, 0.0, memory, plays)
+        operators = plays if branches == "play" else u - plays
+        rate = np.gradient(u, record.ts_s) / fastest * span
+        columns = np.vstack([operators, u, u**2 / span, u**3 / span**2, rate]).T
+        kept = record.error_mask
+        found, y = columns[kept], record.y_um[kept]
+        return found - found.mean(axis=0), y - y.mean()
+
+    x, y = (np.concatenate(each) for each in zip(*map(rows, train), strict=True))
+    sign = 1.0 if x[:, _OPERATORS] @ y >= 0.0 else -1.0
+    low = np.append(np.zeros(_OPERATORS), np.full(4, -np.inf))
+    weights = lsq_linear(x, sign * y, (low, np.full(low.size, np.inf))).x
+    left = np.concatenate([sign * y - x @ weights for x, y in map(rows, validation)])
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def peak_to_peak(records: Sequence[Record]) -> float:
+    """Largest motion of any record (µm)."""
+    return max(float(np.ptp(record.y_um[record.error_mask])) for record in records)
 
 
 def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
@@ -119,7 +216,8 @@ def summary(name: str, found: SearchResult) -> tuple[pd.DataFrame, str]:
 
 
 def _picma(folder: Path) -> dict[str, Dataset]:
-    return splits(load(folder))
+    ways = splits(load(folder)).items()
+    return {"picma" if k == 0 else f"picma, {name}": part for k, (name, part) in enumerate(ways)}
 
 
 def _mirror(folder: Path) -> dict[str, Dataset]:

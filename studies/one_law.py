@@ -1,6 +1,8 @@
-"""The search by one law beside today's, paired on plants of both studies, and PICMA on its four splits.
+"""The search by one law beside today's: paired on plants of both studies, on measured and on long records.
 
-    python -m studies.one_law --plants 40 --seed 11 --picma
+    python -m studies.one_law --plants 40 --seed 11
+    RDPI_DATA=... python -m studies.one_law --part measured
+    python -m studies.one_law --part long --searches beam
 
 Plants are drawn over the strata of the study of foreign effects and, a fifth of them, of the study
 of hidden effects. Each is diagnosed by both searches in one process each; times are processor time.
@@ -8,15 +10,18 @@ of hidden effects. Each is diagnosed by both searches in one process each; times
 
 from __future__ import annotations
 
+import resource
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 
 from benchmarks.effect_discovery.cases import Case, Source, found
@@ -26,7 +31,16 @@ from benchmarks.effect_discovery.report import judge
 from benchmarks.rows import run_rows, stored_rows
 from rdpi_gym.diagnosis.beam import Diagnosis, diagnose
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.measurement import DATA_HINT, Dataset, load, measured_data
+from rdpi_gym.diagnosis.suitability import falls
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.scale import data_scale
+from rdpi_gym.measurement import Dataset, Record, Role
+from rdpi_gym.plant import CORES, P10, Plant, PlantModel
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.effects.creep import Creep
+from rdpi_gym.plant.effects.sensor_lag import SensorLag
+from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
@@ -34,7 +48,7 @@ from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from rdpi_gym.virtual_lab.draws import MaskedError
-from studies.measured_effects import splits
+from studies.measured_effects import SETS, WAYS, fit_by_hand, peak_to_peak, splits
 from studies.runner import Files, Study
 
 RESULTS = Path(__file__).parent / "results" / "one_law"
@@ -91,20 +105,26 @@ def run_unit(unit: Unit, code: str) -> Row:
     row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
     began = time.process_time()
     try:
-        said = ENGINES[unit.engine](prepared.dataset)
+        said, _ = ENGINES[unit.engine](prepared.dataset)
     except Exception as error:  # one failure must not end the study, and it counts
         return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
     return row | {"status": "done", "seconds": time.process_time() - began} | said
 
 
-def _today(dataset: Dataset) -> dict[str, Any]:
+Said = tuple[dict[str, Any], Variant[Core]]
+"""What a row says, and the model."""
+
+
+def _today(dataset: Dataset) -> Said:
     result = discover(dataset, jobs=1)
     findings = [{"kind": finding.kind} for finding in result.findings]
-    return found(result) | {"findings": findings, "core": result.plant.hysteresis.name}
+    said = found(result) | {"findings": findings, "core": result.plant.hysteresis.name}
+    return said, Variant(result.plant.hysteresis, result.plant.effects)
 
 
-def _beam(dataset: Dataset) -> dict[str, Any]:
-    return said_of(diagnose(dataset))
+def _beam(dataset: Dataset) -> Said:
+    result = diagnose(dataset)
+    return said_of(result), Variant(result.model.core, result.model.effects)
 
 
 def said_of(found: Diagnosis) -> dict[str, Any]:
@@ -129,7 +149,7 @@ def said_of(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-ENGINES: Mapping[Engine, Callable[[Dataset], dict[str, Any]]] = {"today": _today, "beam": _beam}
+ENGINES: Mapping[Engine, Callable[[Dataset], Said]] = {"today": _today, "beam": _beam}
 _ROOMS = ("plant", "measurement", "identification", "diagnosis")
 
 
@@ -185,18 +205,198 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def picma(folder: Path, engine: Engine) -> list[dict[str, Any]]:
-    """Diagnose PICMA on its four splits."""
+@dataclass(frozen=True)
+class Trial:
+    """One search of records that are not drawn from a study."""
+
+    part: Literal["measured", "long"]
+    name: str
+    way: str  # Split of measured records; number of samples of long ones
+    engine: Engine
+
+    @property
+    def key(self) -> str:
+        """Name of its row."""
+        return f"{self.engine}/{self.name}/{self.way}"
+
+    def dataset(self) -> Dataset:
+        """Return the records."""
+        if self.part == "long":
+            return LONG[self.name](int(self.way))
+        dataset = next(each for each in SETS if each.name == self.name).dataset
+        assert dataset is not None
+        return splits(dataset)[self.way]
+
+
+def run_trial(trial: Trial, code: str) -> Row:
+    """Search the records; a failure is a row too."""
+    row: Row = {"key": trial.key, "code": code, "name": trial.name, "way": trial.way}
+    row |= {"engine": trial.engine}
+    dataset = trial.dataset()
+    began = _processor_s()
+    try:
+        said, variant = ENGINES[trial.engine](dataset)
+    except Exception as error:  # one failure must not end the study, and it counts
+        return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+    row |= {"status": "done", "seconds": _processor_s() - began, "core": said["core"]}
+    named = [f"{s['effect']} {s.get('grade', '')}".strip() for s in said["steps"]]
+    row |= {"named": named, "something_else": said.get("something_else")}
+    row |= {"floor_um": said["floor_um"], "base_um": said["base_um"]}
+    row["error_um"] = _error_um(variant, dataset.validation)
+    row["explained"] = [round(_explained(variant, record), 3) for record in dataset.test]
+    if trial.part == "measured":
+        branches = next(each for each in SETS if each.name == trial.name).branches
+        row["by_hand_um"] = fit_by_hand(dataset.train, dataset.validation, branches)
+        row["span_um"] = peak_to_peak(dataset.validation)
+    return row
+
+
+def _processor_s() -> float:
+    """Processor time of this process and of those that it has waited for (s)."""
+    owners = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+    return sum(sum(resource.getrusage(owner)[:2]) for owner in owners)
+
+
+def _lefts(variant: Variant[Core], records: Sequence[Record]) -> list[Array]:
+    """Residuals of records, offset free; where y falls as u rises the model is of -y."""
+    sign = -1.0 if falls(records) else 1.0
+    found = []
+    for record in records:
+        left = (sign * record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
+        found.append(left - left.mean())
+    return found
+
+
+def _error_um(variant: Variant[Core], records: Sequence[Record]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(_lefts(variant, records)) ** 2)))
+
+
+def _explained(variant: Variant[Core], record: Record) -> float:
+    """Share of the variance of a record that a model explains (%)."""
+    (left,) = _lefts(variant, [record])
+    return 100.0 * (1.0 - float(np.mean(left**2) / np.var(record.y_um[record.error_mask])))
+
+
+def _held(names: Sequence[Sequence[str]]) -> str:
+    """Say which names all splits have, and how many have each of the others."""
+    sets = [{name.split()[0] for name in each} for each in names]
+    counts = Counter(name for each in sets for name in each)
+    every = [name for name, count in counts.items() if count == len(sets)]
+    some = [f"{name} {count}/{len(sets)}" for name, count in counts.items() if count < len(sets)]
+    return ", ".join([*every, *some]) or "nothing"
+
+
+def measured_table(rows: Sequence[Row]) -> pd.DataFrame:
+    """One line a set and search: as published, and how the names held over the splits."""
     lines = []
-    for name, dataset in splits(load(folder)).items():
-        began = time.process_time()
-        said = ENGINES[engine](dataset)
-        lines.append({
-            "split": name, "engine": engine, "error_um": said["validation_um"],
-            "named": "+".join(f"{s['effect']} {s.get('grade', '')}".strip() for s in said["steps"]),
-            "seconds": time.process_time() - began,
-        })  # fmt: skip
-    return lines
+    for known in SETS:
+        for engine in ENGINES:
+            own = [r for r in rows if (r["name"], r["engine"]) == (known.name, engine)]
+            done = [r for r in own if r["status"] == "done"]
+            if not done:
+                continue
+            first = done[0]
+            lines.append({
+                "records": known.name, "search": engine, "kind": first["core"],
+                "named as published": " + ".join(first["named"]) or "nothing",
+                "something else %": None if first["something_else"] is None else round(100 * first["something_else"]),
+                "error": f"{first['error_um']:.3g}",
+                "of peak to peak %": f"{100 * first['error_um'] / first['span_um']:.2g}",
+                "by hand": f"{first['by_hand_um']:.3g}", "published": known.published,
+                "test records explained %": " ".join(f"{e:.0f}" for e in first["explained"]),
+                "names over the splits done": f"{_held([r['named'] for r in done])} ({len(done)} of {len(own)})",
+                "error over the splits": " ".join(f"{r['error_um']:.3g}" for r in done),
+                "processor s": " ".join(f"{r['seconds']:.0f}" for r in done),
+            })  # fmt: skip
+    return pd.DataFrame(lines)
+
+
+def _records(
+    model: PlantModel[Any], samples: int, count: int = 3, seconds: float = 30.0
+) -> Dataset:
+    """Records of twelve sines each in bands of their own, noise of 10 nm, the last to judge by."""
+    rng, records = np.random.default_rng(0), []
+    each = samples // count
+    ts_s = seconds / samples
+    for k in range(count):
+        t = np.arange(each, dtype=np.float64) * ts_s
+        u = np.zeros(each)
+        for f in np.geomspace(0.15 * 3.0**k, 5.0 * 3.0**k, 12):
+            u += np.sin(2.0 * np.pi * f * t + rng.uniform(0.0, 2.0 * np.pi)) / f**0.3
+        u = 60.0 * (u - u[0]) / float(np.max(np.abs(u - u[0])))
+        y = Plant(model, ts_s).simulate(u) + 0.01 * rng.normal(size=each)
+        role: Role = "validation" if k == count - 1 else "train"
+        records.append(Record(f"sines-{k}", t, np.asarray(u), np.asarray(y), ts_s=ts_s, role=role))
+    return Dataset("records of a plant with something hidden", tuple(records))
+
+
+def _hidden(*effects: Effect) -> PlantModel[Any]:
+    return replace(P10, effects=effects)
+
+
+def _bouc_wen() -> PlantModel[Any]:
+    core = CORES["bouc_wen"].starts(data_scale(_records(P10, 900).records))[0]
+    return PlantModel(core, "outside", P10.command_range_V, P10.reference_um)
+
+
+LONG: Mapping[str, Callable[[int], Dataset]] = {
+    "two effects": lambda n: _records(_hidden(Creep(gain_per_decade=0.02), SensorLag(time_constant_s=1e-3)), n),
+    "at its floor": lambda n: _records(P10, n),
+    "Bouc-Wen": lambda n: _records(_bouc_wen(), n),
+    "two records": lambda n: _records(_hidden(Creep(gain_per_decade=0.02)), n, 2, 100.0),
+}  # fmt: skip
+"""Records by what is hidden, for a number of samples."""
+LONG_TRIALS = (
+    ("two records", 3_600), ("at its floor", 100_000), ("two effects", 50_000), ("Bouc-Wen", 50_000),
+    ("two effects", 100_000), ("two effects", 1_000_000),
+)  # fmt: skip
+
+
+def _trial_rows(chosen: Namespace, part: Literal["measured", "long"]) -> list[Row]:
+    engines = [engine for engine in ENGINES if engine in chosen.searches.split(",")]
+    if part == "long":
+        names = [(name, str(samples)) for name, samples in LONG_TRIALS]
+    else:
+        there = [each.name for each in SETS if each.dataset is not None]
+        names = [(name, way) for way in WAYS for name in there]
+    asked = [Trial(part, name, way, engine) for engine in engines for name, way in names]
+    if chosen.tables:
+        return stored_rows(asked, chosen.out / part)
+    code = fingerprint(code_parts(room_files(*_ROOMS)))
+    with progress_bar() as show:
+        return run_rows(
+            asked, chosen.out / part, partial(run_trial, code=code), code, chosen.jobs, show
+        )
+
+
+def _trial_files(chosen: Namespace, part: Literal["measured", "long"]) -> Files:
+    rows = _trial_rows(chosen, part)
+    if part == "measured":
+        frame = measured_table(rows)
+        title = (
+            "Measured records, each split in four ways; by hand: a cubic curve, thirty plays or stops and a "
+            "rate by linear least squares. Errors in the unit of the output, of the records held out."
+        )
+    else:
+        columns = (
+            "name",
+            "way",
+            "engine",
+            "status",
+            "core",
+            "named",
+            "error_um",
+            "floor_um",
+            "seconds",
+        )
+        frame = pd.DataFrame([{c: row.get(c) for c in columns} for row in rows])
+        frame = frame.rename(columns={"way": "samples", "seconds": "processor s"})
+        title = "Long records and short ones: what is hidden, named, left (µm), and processor time."
+    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `python -m studies.one_law --part {part}`. {title}\n\n"
+    return {
+        f"{part}.csv": frame,
+        f"{part}.md": f"{text}{frame_table(frame, digits=3, rule='plain')}\n",
+    }
 
 
 def _plant(row: Row) -> str:
@@ -210,11 +410,17 @@ def _more(options: Options) -> None:
         help="write the tables of the rows that are there; run nothing",
     )
     options.add_argument(
-        "--picma", action="store_true", help="diagnose PICMA on its splits as well"
+        "--part", choices=("plants", "measured", "long"), default="plants",
+        help="drawn plants, measured records on four splits, or long records (default: plants)",
+    )  # fmt: skip
+    options.add_argument(
+        "--searches", default=",".join(ENGINES), help="of measured and long records (default: both)"
     )
 
 
 def _files(chosen: Namespace) -> Files:
+    if chosen.part != "plants":
+        return _trial_files(chosen, chosen.part)
     rows = [row for engine in ENGINES for row in _rows(chosen, engine)]
     both = set.intersection(*({_plant(r) for r in rows if r["engine"] == e} for e in ENGINES))
     frame = pd.DataFrame([judged(r) for r in rows if r["status"] == "done" and _plant(r) in both])
@@ -226,13 +432,6 @@ def _files(chosen: Namespace) -> Files:
         f"{frame_table(table(frame), digits=None, rule='plain')}\n"
     )
     files: dict[str, str | bytes | pd.DataFrame] = {"plants.csv": frame}
-    folder = measured_data("picma")
-    if chosen.picma and folder is None:
-        raise InputError(f"no measured records; {DATA_HINT}")
-    if chosen.picma and folder is not None:
-        lines = [line for engine in ENGINES for line in picma(folder, engine)]
-        files["picma.csv"] = pd.DataFrame(lines)
-        text += f"\n## PICMA\n\n{frame_table(pd.DataFrame(lines), digits=3, rule='plain')}\n"
     return files | {"one_law.md": text}
 
 

@@ -119,6 +119,7 @@ def readable_places() -> list[Path]:
     found = filter(None, map(find_spec, _PACKAGES))
     own = [Path(str(each.origin)).parent for each in found]
     places = {*sysconfig.get_paths().values(), sys.prefix, sys.base_prefix}
+    places |= {each for each in sys.path if Path(each).name in ("site-packages", "dist-packages")}
     caches = [Path(os.environ[name]) for name in ("NUMBA_CACHE_DIR",) if name in os.environ]
     return [*own, *caches, *map(Path, sorted(places)), *map(Path, _MACHINE)]
 

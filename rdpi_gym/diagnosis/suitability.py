@@ -138,13 +138,16 @@ class Thinned:
     sentence: str  # what is read, and what is of all samples
 
 
-def thinned(dataset: Dataset, openings: Mapping[str, BoolArray]) -> Thinned | None:
-    """Return what a search reads of a data set; None where it reads all."""
+def thinned(
+    dataset: Dataset, openings: Mapping[str, BoolArray], most: int | None = None
+) -> Thinned | None:
+    """Return the `most` samples that a search reads of a data set; None where it reads all."""
+    most = SEARCH_MOST if most is None else most
     moving = [r for r in dataset.records if r.role != "test" and not r.is_quiet]
     total = sum(int(r.error_mask.sum()) for r in moving)
-    if total < 2 * SEARCH_MOST:
+    if total < 2 * most:
         return None
-    room = _room([r.t_s.size for r in moving])
+    room = _room([r.t_s.size for r in moving], most)
     train = close_up([r for r in dataset.train if r.error_mask.any()])
     model = fit_joint(train, comb(train), passes=_PASSES, samples=_FITTED).variant
     records, few = {}, dict(openings)
@@ -176,9 +179,9 @@ def close_up(records: Sequence[Record]) -> tuple[Record, ...]:
     return tuple(found)
 
 
-def _room(sizes: Sequence[int]) -> int:
+def _room(sizes: Sequence[int], most: int | None = None) -> int:
     """Samples that each record may keep: those that have fewer leave theirs to the others."""
-    left, many = SEARCH_MOST, len(sizes)
+    left, many = SEARCH_MOST if most is None else most, len(sizes)
     for size in sorted(sizes):
         if size * many > left:
             break

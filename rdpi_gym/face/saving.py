@@ -22,6 +22,7 @@ from rdpi_gym.diagnosis.checks import Check
 from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect, effect_from_dict
+from rdpi_gym.support.checks import unaliased
 from rdpi_gym.support.documents import Documents
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import exists, parse_json, write_atomic
@@ -135,6 +136,7 @@ class _Archive(Documents):
         return {"name": str(values.name), "cells": cells, "text": is_text}
 
     def read(self, hint: Any, document: Any, source: str) -> Any:
+        hint = unaliased(hint)
         kind = get_origin(hint) or hint
         if _is_code(hint):
             return kind() if kind is tuple else {}

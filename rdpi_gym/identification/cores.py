@@ -391,7 +391,13 @@ def first_fit(
     if len(starts) > 1:
         begun = [
             first_steps(
-                records, start, effects, _START_STEPS, samples=FIRST_SAMPLES, smoothness=smoothness
+                records,
+                start,
+                effects,
+                _START_STEPS,
+                samples=FIRST_SAMPLES,
+                smoothness=smoothness,
+                least_um=least_um,
             )
             for start in starts
         ]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -198,7 +198,9 @@ class _Pass:
     motion: Array  # of every column, over the command's, in the record where it moves most
     columns: Sequence[Array]  # derivatives by the weights, by record
     squares: Sequence[Array]  # their Gram matrices
-    left: Sequence[Array]  # what the plant leaves, by record
+    changes: Sequence[
+        Array
+    ]  # derivatives by the free numbers, and what the plant leaves, by record
     bends: float  # what their price adds to `total`
     core: Core
 
@@ -259,7 +261,7 @@ class _Problem:
     def rows(self, variant: Variant[Any]) -> list[Array]:
         """Derivatives by every weight and every free number and the residual, by record, centred."""
         gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
-        lanes = Neighbours(variant, *self._neighbours(variant), gain_steps)
+        lanes = Neighbours(variant, *self.neighbours(variant), gain_steps)
         found = [lanes.derivatives(r, k) for r, k in zip(self.records, self.kept, strict=True)]
         for each in found:
             centre(each)
@@ -277,7 +279,7 @@ class _Problem:
 
     def changes(self, variant: Variant[Any]) -> list[Array]:
         """Derivatives by every free number and the residual, by record, centred."""
-        lanes = Neighbours(variant, *self._neighbours(variant))
+        lanes = Neighbours(variant, *self.neighbours(variant))
         found = [lanes.changes(r, k) for r, k in zip(self.records, self.kept, strict=True)]
         for each in found:
             centre(each)
@@ -304,7 +306,8 @@ class _Problem:
         weights = np.array(best.hysteresis.gains)
         return here.count * float(weights @ self.price @ weights) + here.bends
 
-    def _neighbours(self, variant: Variant[Any]) -> tuple[list[Variant[Any]], Array]:
+    def neighbours(self, variant: Variant[Any]) -> tuple[list[Variant[Any]], Array]:
+        """Return the variant after a step of each free number, and the steps."""
         changed, steps = [], []
         for number in self.free:
             here = number.read(variant)
@@ -360,9 +363,8 @@ def _products(
     inner[:n, :n] += count * price
     bends = _add_bends(variant, free, inner[n:, n:], rhs[n:])
     total = float(gram[size, size]) + bends
-    left = [change[:, -1] for change in changes]
     core = variant.hysteresis
-    return _Pass(inner, rhs, total, count, motion, columns, squares, left, bends, core)
+    return _Pass(inner, rhs, total, count, motion, columns, squares, changes, bends, core)
 
 
 def _add_bends(variant: Variant[Any], free: Sequence[Free], gram: Array, rhs: Array) -> float:
@@ -412,6 +414,30 @@ def fit_joint(
     smoothness: float = 0.0,
 ) -> JointFit:
     """Refit the weights, δ2 and every parameter of the effects to records."""
+    return _refitted(records, start, effects, passes, tolerance, held, samples, smoothness)[0]
+
+
+def fit_linearised(
+    records: Sequence[Record], start: Core, effects: Sequence[Effect], passes: int, samples: int
+) -> tuple[JointFit, Tangents]:
+    """Refit as :func:`fit_joint`, and linearise the model where it ends: by the last pass."""
+    fit, at, gains, free = _refitted(
+        records, start, effects, passes, 1e-4, frozenset(), samples, 0.0
+    )
+    return fit, _tangents_of(fit.variant, free, at, gains)
+
+
+def _refitted(
+    records: Sequence[Record],
+    start: Core,
+    effects: Sequence[Effect],
+    passes: int,
+    tolerance: float,
+    held: frozenset[str],
+    samples: int | None,
+    smoothness: float,
+) -> tuple[JointFit, _Pass, Array, Sequence[Free]]:
+    """Return the refit, its last pass, the gains of that pass's place, and the free numbers."""
     problem, best = _begun(records, start, effects, held, samples, smoothness)
     here = problem.whole_pass(best)
     best = _with_gains(best, here.gains)
@@ -437,16 +463,17 @@ def fit_joint(
         else:
             converged = damping > _LARGEST_DAMPING
             damping *= 10
-    best = _with_gains(best, here.gains)
+    before, best = best, _with_gains(best, here.gains)
     if moves > 0 and not converged:  # one small step after a whole pass moves no derivative
         here = problem.whole_pass(best)
+        before = best
         best = _with_gains(best, here.gains)
         cost = here.least
     cost -= problem.priced(best, here)
     edge = [n for n in problem.free if n.effect is not None and n.at_bound(best)]
     errors = _standard_errors(best, problem.free, here, cost)
     own = [n.name(best) for n in problem.free if n.effect is None]
-    return JointFit(
+    fit = JointFit(
         best,
         math.sqrt(max(cost, 0.0) / max(here.count, 1)),
         tuple(n.name(best) for n in edge),
@@ -456,6 +483,7 @@ def fit_joint(
         smoothness,
         {name: errors[name] for name in own},
     )
+    return fit, here, np.array(before.hysteresis.gains), problem.free
 
 
 NO_FIT = (ValueError, ArithmeticError)
@@ -472,9 +500,8 @@ class FirstSteps:
     # Derivatives by the weights, by record, of a place near by
     columns: Sequence[Array]
     squares: Sequence[Array]
-    # Residual at the same samples (µm),
-    # without offset
-    left_um: Sequence[Array]
+    left_um: Sequence[Array]  # Residual at the same samples (µm), without offset
+    linearise: Callable[[], Tangents]  # By its last pass
 
 
 def first_steps(
@@ -521,10 +548,17 @@ def first_steps(
                 break
         else:
             damping *= 10
+    gains = np.array(best.hysteresis.gains)
     best = _with_gains(best, here.gains)
     cost -= problem.priced(best, here)
+    left = [change[:, -1] for change in here.changes]
     return FirstSteps(
-        best, math.sqrt(max(cost, 0.0) / max(here.count, 1)), here.columns, here.squares, here.left
+        best,
+        math.sqrt(max(cost, 0.0) / max(here.count, 1)),
+        here.columns,
+        here.squares,
+        left,
+        partial(_tangents_of, best, problem.free, here, gains),
     )
 
 
@@ -536,9 +570,6 @@ class Tangents:
     rows: Sequence[Array]
     # Which of these numbers may move: gains above zero or of either sign, others within their bounds
     moves: BoolArray
-    effects: Sequence[
-        int | None
-    ]  # Place of the effect that each number belongs to; None for the core
 
 
 def tangents(
@@ -549,8 +580,20 @@ def tangents(
     problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
     gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
     inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
-    owners = [None] * len(gains) + [number.effect for number in problem.free]
-    return Tangents(problem.rows(variant), np.concatenate([gains, inside]), owners)
+    return Tangents(problem.rows(variant), np.concatenate([gains, inside]))
+
+
+def _tangents_of(variant: Variant[Any], free: Sequence[Free], at: _Pass, gains: Array) -> Tangents:
+    """Linearise a model by a pass whose place had other gains."""
+    core = variant.hysteresis
+    further = np.array(core.gains) - gains
+    rows = [
+        np.column_stack([own, change[:, :-1], change[:, -1] - own @ further])
+        for own, change in zip(at.columns, at.changes, strict=True)
+    ]
+    moves = (np.array(core.gains) > 0.0) | np.array(core.signed)
+    inside = np.array([any(n.ways(variant)) for n in free], dtype=np.bool_)
+    return Tangents(rows, np.concatenate([moves, inside]))
 
 
 def tangents_near(
@@ -561,22 +604,57 @@ def tangents_near(
     problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
     inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
     gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
-    owners = [None] * len(gains) + [number.effect for number in problem.free]
     rows = [
         np.hstack([own, change])
         for own, change in zip(columns, problem.changes(variant), strict=True)
     ]
-    return Tangents(rows, np.concatenate([gains, inside]), owners)
+    return Tangents(rows, np.concatenate([gains, inside]))
 
 
-def effect_tangents(
-    records: Sequence[Record], variant: Variant[Any], place: int, samples: int | None = None
-) -> list[Array]:
-    """Linearise a model in the parameters of one effect alone, by record and centred."""
-    core, effects = variant.hysteresis, variant.effects
-    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
-    own = replace(problem, free=[n for n in problem.free if n.effect == place])
-    return [each[:, :-1] for each in own.changes(variant)]
+@dataclass(frozen=True, eq=False)
+class EffectRows:
+    """Derivatives of a model's displacement by the parameters of one of its effects."""
+
+    # By record, centred, one row a sample: by each parameter, and what the model leaves (µm)
+    rows: Sequence[Array]
+    ways: Sequence[tuple[bool, bool]]  # Whether each parameter may go up and down
+
+
+def effect_rows(
+    records: Sequence[Record],
+    variants: Sequence[Variant[Any]],
+    place: int,
+    samples: int | None = None,
+) -> list[EffectRows]:
+    """Linearise models that differ by one effect alone, each in the parameters of that effect.
+
+    What they have in common is simulated once.
+    """
+    base, lanes, steps, own = variants[0], list[Variant[Any]](), list[float](), list[list[Free]]()
+    for variant in variants:
+        problem, _ = _begun(records, variant.hysteresis, variant.effects, frozenset(), samples, 0.0)
+        own.append([number for number in problem.free if number.effect == place])
+        changed, by = replace(problem, free=own[-1]).neighbours(variant)
+        lanes += [variant, *changed]
+        steps += [1.0, *by]
+    apart = Neighbours(base, lanes[1:], np.ones(len(lanes) - 1))
+    parts = []
+    for record, kept in zip(records, kept_samples(records, samples), strict=True):
+        rows = apart.changes(record, kept)
+        centre(rows)
+        parts.append(np.hstack([np.zeros((len(rows), 1)), rows]))  # of the base, less itself
+    found, first = [], 0
+    for variant, free in zip(variants, own, strict=True):
+        end, by = first + 1 + len(free), np.array(steps[first + 1 : first + 1 + len(free)])
+        own_rows = [
+            np.column_stack(
+                [(p[:, first + 1 : end] - p[:, first, None]) / by, p[:, -1] - p[:, first]]
+            )
+            for p in parts
+        ]
+        found.append(EffectRows(own_rows, [number.ways(variant) for number in free]))
+        first = end
+    return found
 
 
 def foreseen_um(

@@ -126,7 +126,16 @@ def check_type(value: Any, hint: Any, where: str) -> None:
         raise InputError(f"{where} is {quoted(value)}; give {described(hint)}")
 
 
+def unaliased(hint: Any) -> Any:
+    """Return what an annotation stands for: from NumPy 2.5 on ``NDArray`` is an alias of its own."""
+    meaning, parts = getattr(get_origin(hint) or hint, "__value__", None), get_args(hint)
+    if meaning is None:
+        return hint
+    return meaning[parts] if parts else meaning
+
+
 def _fits(value: Any, hint: Any) -> bool:
+    hint = unaliased(hint)
     origin, parts = get_origin(hint), get_args(hint)
     if hint is Any or isinstance(hint, TypeVar):
         return True
@@ -153,6 +162,7 @@ def _fits(value: Any, hint: Any) -> bool:
 
 def described(hint: Any) -> str:
     """Return what an annotation asks for, in words."""
+    hint = unaliased(hint)
     origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         words = list(dict.fromkeys(described(part) for part in parts))

@@ -16,7 +16,7 @@ from typing import Any, Literal, Self, TypeVar, Union, cast, get_args, get_origi
 
 import numpy as np
 
-from rdpi_gym.support.checks import described, unknown_name
+from rdpi_gym.support.checks import described, unaliased, unknown_name
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import quoted, some
 
@@ -82,6 +82,7 @@ class Documents:
 
     def read(self, hint: Any, document: Any, source: str) -> Any:
         """Return the value of an annotation that a document holds."""
+        hint = unaliased(hint)
         origin, parts = get_origin(hint), get_args(hint)
         kind = origin or hint
         if hint is Any:

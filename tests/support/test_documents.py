@@ -5,12 +5,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pytest
 
-from rdpi_gym.support.documents import Document, Documents, at, stored
+from rdpi_gym.support.checks import described
+from rdpi_gym.support.documents import PLAIN, Document, Documents, at, stored
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
@@ -123,3 +124,13 @@ def test_no_object_at_all_and_a_place_of_an_item() -> None:
     with pytest.raises(InputError, match=r"^a.json is \[\]; expected an object$"):
         Whole.from_dict([], "a.json")
     assert at("a.json", 2) == "a.json: [2]"
+
+
+def test_an_alias_of_an_annotation_is_read_as_what_it_stands_for() -> None:
+    extensions = pytest.importorskip("typing_extensions")
+    number = TypeVar("number")
+    many = extensions.TypeAliasType("many", tuple[number, ...], type_params=(number,))
+    assert PLAIN.read(many[int], [1, 2], "document") == (1, 2)
+    assert described(many[int]) == "a sequence of a whole number"
+    with pytest.raises(InputError, match=r"document: \[0\] is 'one'"):
+        PLAIN.read(many[int], ["one"], "document")

@@ -29,9 +29,11 @@ ROUNDS = 6
 RACE_SAMPLES = 6_000
 RACE_STEPS = 3
 FOLLOWED = 2
+LOOKED = 6
 REFITTED = 4
 PAIRS = 4
 FIT_SAMPLES = 24_000
+READ_SAMPLES = 48_000
 PASSES = 15
 RIDGE = 1e-6
 FOUND = 0.9
@@ -57,10 +59,13 @@ TABLE: tuple[Constant, ...] = (
     Constant("RACE_SAMPLES", RACE_SAMPLES, "samples", "in the squares of a first look",
              "a hundred for each number"),
     Constant("RACE_STEPS", RACE_STEPS, "steps", "of Gauss-Newton in a first look", "its gain is then settled to 10 %"),
-    Constant("FOLLOWED", FOLLOWED, "starts", "of a candidate that are followed", "the optima that are near"),
+    Constant("LOOKED", LOOKED, "effects", "that are looked at, of those that promise most", "the beam twice"),
+    Constant("FOLLOWED", FOLLOWED, "free blocks", "that are looked at, of those that promise most", "the two that are near"),
     Constant("REFITTED", REFITTED, "moves", "of a set that are refitted whole", "the beam and one more"),
     Constant("PAIRS", PAIRS, "pairs", "of effects that are looked at", "as many as are refitted"),
     Constant("FIT_SAMPLES", FIT_SAMPLES, "samples", "in the squares of a refit", "a thousand for each number"),
+    Constant("READ_SAMPLES", READ_SAMPLES, "samples", "that a search reads where there are twice as many",
+             "twice those of a refit; the model that is found is refitted to all"),
     Constant("PASSES", PASSES, "passes", "of a refit", "later ones gain less than a thousandth"),
     Constant("RIDGE", RIDGE, "1", "share of a number's curvature that keeps it where no record tells it",
              "square root of the precision of differences"),

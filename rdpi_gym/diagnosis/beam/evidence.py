@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from rdpi_gym.diagnosis.beam.constants import READ_SAMPLES
 from rdpi_gym.diagnosis.features.noise import (
     MeasuredNoise,
     floor_from,
@@ -68,6 +69,8 @@ class Evidence:
     findings: tuple[Finding, ...]
     clockwise: bool | None  # How the loops turn, where they enclose an area
     sign: float  # -1 where the displacement falls as the voltage rises: it is turned
+    # The records in full, to fit and to judge by, of those of which a search reads a part
+    whole: tuple[tuple[Record, ...], tuple[Record, ...]] | None = None
 
     @classmethod
     def of(cls, dataset: Dataset) -> Evidence:
@@ -88,16 +91,25 @@ class Evidence:
         check_scale(dataset.train, dataset.quantities)
         sign = -1.0 if falls((*dataset.train, *dataset.validation)) else 1.0
         looked = inspect(dataset if sign > 0.0 else turned(dataset))
-        few = thinned(looked.dataset, looked.openings)
+        few = thinned(looked.dataset, looked.openings, READ_SAMPLES)
         found = looked.dataset if few is None else few.dataset
-        parts = found.in_blocks if found.holds_out_quarters else (found.train, found.validation)
-        train, validation = map(tuple, parts)
+        train, validation = _parts(found)
         whole = {r.name: r for r in (*found.train, *found.validation)}
         return cls(
             train, validation, data_scale((*train, *validation)),
             measured_noise(quiet_noise(found.quiet), tuple(whole.values())),
             looked.findings, orientation(train), sign,
+            None if few is None else _parts(looked.dataset),
         )  # fmt: skip
+
+    @property
+    def in_full(self) -> Evidence:
+        """The records in full."""
+        return (
+            self
+            if self.whole is None
+            else replace(self, train=self.whole[0], validation=self.whole[1])
+        )
 
     def mended(self, clocks: Sequence[Clock]) -> Evidence:
         """Return the records with their clocks set right."""
@@ -111,3 +123,10 @@ class Evidence:
     def floor_um(self, lefts: Sequence[Array]) -> float:
         """Return the noise floor (µm rms), by measurement or by what changes from sample to sample."""
         return floor_from(self.noise, rough_parts(lefts), slowness(lefts))[0]
+
+
+def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Records to fit and to judge by."""
+    if dataset.holds_out_quarters:
+        return dataset.in_blocks
+    return tuple(dataset.train), tuple(dataset.validation)

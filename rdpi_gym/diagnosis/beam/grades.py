@@ -12,7 +12,7 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import FOUND, LEVEL, LIKELY
 from rdpi_gym.diagnosis.beam.decision import chances, classes
 from rdpi_gym.diagnosis.beam.evidence import Evidence
-from rdpi_gym.diagnosis.beam.models import Model, Visited
+from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.search import Beam, Scores, searched
 from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.measurement import Dataset
@@ -137,19 +137,28 @@ def diagnose(
     """
     began = time.process_time()
     evidence = Evidence.of(dataset)
-    beam, scores, best = searched(evidence, jobs, seed, progress)
+    return diagnosis_of(evidence, *searched(evidence, jobs, seed, progress), began)
+
+
+def diagnosis_of(
+    evidence: Evidence, beam: Beam, scores: Scores, best: Visited, began: float
+) -> Diagnosis:
+    """Grade the sets of a beam that began at a processor time (s)."""
     mean = scores.weights.mean(axis=0)
     order = np.argsort(-mean)
     core = best.model.core.name
     held = [one.model.core.name == core for one in scores.sets]
     base = next(one for one in scores.sets if one.parent is None)
     unknown = [Unknown.name in one.model.names for one in scores.sets]
+    names = _names(beam, scores, best)
+    if evidence.whole is not None:  # a part was read
+        best = refitted(evidence.in_full, best.model, best.parent) or best
     return Diagnosis(
         tuple(
             SetScore(scores.sets[k].key, float(mean[k]), scores.table[k], scores.sets[k].rmse_um)
             for k in order
         ),
-        _names(beam, scores, best),
+        names,
         (core, float(mean[held].sum())),
         float(mean[unknown].sum()),
         best.model,

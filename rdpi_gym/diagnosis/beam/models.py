@@ -19,8 +19,8 @@ from rdpi_gym.identification.joint import (
     NO_FIT,
     JointFit,
     Tangents,
-    effect_tangents,
-    fit_joint,
+    effect_rows,
+    fit_linearised,
     kept_samples,
     tangents,
 )
@@ -91,8 +91,7 @@ def refitted(
     began = time.process_time()
     here = evidence.mended(model.clocks)
     try:
-        fit = fit_joint(here.train, model.core, model.effects, PASSES, samples=FIT_SAMPLES)
-        at = tangents(here.train, fit.variant, FIT_SAMPLES)
+        fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
         kept = kept_samples(here.train, FIT_SAMPLES)
         rows = [
             _with_clocks(record, index, own, model.clocks, fit.variant)
@@ -105,8 +104,8 @@ def refitted(
         return None
     if not all(np.isfinite(left).all() for left in lefts):
         return None
-    core = fit.variant.hysteresis.pruned()
-    found = replace(model, core=core, effects=fit.variant.effects)
+    # plays without a weight stay: what an effect takes up leaves others to be wanted
+    found = replace(model, core=fit.variant.hysteresis, effects=fit.variant.effects)
     return Visited(found, fit, tuple(lefts), parent, seconds=time.process_time() - began)
 
 
@@ -188,8 +187,10 @@ class Linear:
     ) -> list[Array]:
         count, found = len(self.evidence.train), []
         for part in (records[:count], records[count:]):
-            by_effect = [effect_tangents(part, variant, k, FIT_SAMPLES) for k in new]
-            found += [np.hstack(columns) for columns in zip(*by_effect, strict=True)]
+            by_effect = [effect_rows(part, [variant], k, FIT_SAMPLES)[0].rows for k in new]
+            found += [
+                np.hstack([own[:, :-1] for own in each]) for each in zip(*by_effect, strict=True)
+            ]
         return found
 
 

@@ -7,7 +7,7 @@ the race drops what is worse than the best of the looks by the one decision.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
@@ -17,21 +17,24 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import (
     FOLLOWED,
     LEVEL,
+    LOOKED,
     PAIRS,
     RACE_SAMPLES,
     RACE_STEPS,
+    REFITTED,
+    TEMPERATURE,
 )
-from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence
 from rdpi_gym.diagnosis.beam.models import Model, clock_column
 from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, whole_step
+from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
 from rdpi_gym.identification.cores import first_fit, fit_or_none
 from rdpi_gym.identification.joint import (
     NO_FIT,
     FirstSteps,
     Tangents,
     first_steps,
-    foreseen_um,
     kept_samples,
     tangents,
     tangents_near,
@@ -58,78 +61,98 @@ class Look:
     new: tuple[str, ...]  # Names of the effects that the move brings
 
 
+Starts = tuple[Effect, ...]
+"""Effects that a move brings, each at its start."""
+
+
 @dataclass(frozen=True, eq=False)
 class Place:
     """A set from which looks are taken."""
 
     evidence: Evidence  # With its clocks mended
     model: Model
+    offered: Sequence[Signature] = ()  # Of all effects that fit the core, from all their starts
+    near: FirstSteps | None = None  # A set near by, whose derivatives by the weights it takes
 
     @cached_property
     def begun(self) -> FirstSteps:
         """The set with its best weights, whose derivatives the looks share."""
-        return self._steps(self.model.effects, 0, None)
-
-    def _steps(self, effects: Sequence[Effect], steps: int, near: FirstSteps | None) -> FirstSteps:
-        """Take some steps, or as many as may lead to less than the set itself leaves."""
-        least_um = math.inf if near is None else near.train_rmse_um
         return first_steps(
-            self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES, near=near,
-            least_um=least_um,
+            self.evidence.train, self.model.core, self.model.effects, 0, samples=RACE_SAMPLES,
+            near=self.near,
         )  # fmt: skip
 
-    def look(self, starts: Iterable[Effect]) -> Look | None:
-        """Look at an effect more, from the best of its starts; None where none leads anywhere."""
-        return self._followed(self._foreseen(starts))
+    def _steps(self, effects: Sequence[Effect], steps: int) -> FirstSteps:
+        """Take some steps, or as many as may lead to less than the set itself leaves, a name paid for."""
+        worth = self._worth if len(effects) > len(self.model.effects) else 1.0
+        return first_steps(
+            self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES,
+            near=self.begun, least_um=worth * self.begun.train_rmse_um,
+        )  # fmt: skip
 
-    def _foreseen(self, starts: Iterable[Effect]) -> list[tuple[float, Effect]]:
-        """Foresee the error (µm rms) after one step from each start; the best first."""
-        begun = []
-        for start in starts:
-            effects = in_chain_order([*self.model.effects, start])
-            try:
-                error_um = foreseen_um(
-                    self.evidence.train, self.model.core, effects, RACE_SAMPLES, self.begun
-                )
-            except NO_FIT:
-                continue
-            begun += [(error_um, start)] if math.isfinite(error_um) else []
-        begun.sort(key=lambda each: each[0])
-        return self._along_cusp(begun) if begun and begun[0][1].kinked else begun
+    @cached_property
+    def _worth(self) -> float:
+        """Share of its error that a set may leave with a name more, for its prior to be made up for."""
+        price = log_prior(0, len(CATALOGUE)) - log_prior(1, len(CATALOGUE))
+        blocks = sum(Blocks.of(self.begun.left_um).counts)
+        return math.exp(-0.5 * price * TEMPERATURE / blocks)
 
-    def _followed(self, begun: Sequence[tuple[float, Effect]]) -> Look | None:
-        """Go on from the best of the starts."""
-        found = list(self._tried([start for _, start in begun[:FOLLOWED]], RACE_STEPS))
-        if not found:
+    @cached_property
+    def foresight(self) -> Foresight:
+        """The set linearised on all records."""
+        return Foresight(*self._linear)
+
+    @cached_property
+    def _blocks(self) -> tuple[Blocks, float, float]:
+        """Blocks of what the set leaves, the floor (µm rms), and the mean score."""
+        lefts = self.foresight.lefts
+        blocks, floor_um = Blocks.of(lefts), self.evidence.floor_um(lefts)
+        return blocks, floor_um, float(blocks.scores(lefts, floor_um).mean())
+
+    def _gain(self, lefts: Sequence[Array]) -> float:
+        """What is gained where so much is left (nats a block)."""
+        blocks, floor_um, here = self._blocks
+        return here - float(blocks.scores(lefts, floor_um).mean())
+
+    def signed(self, starts: Iterable[Effect]) -> list[Signature]:
+        """Simulate signatures of starts beside the set."""
+        parts, lefts = (self.evidence.train, self.evidence.validation), self._linear
+        joined = [np.concatenate([rows[:, -1] for rows in at.rows]) for at in lefts]
+        pairs = list(zip(parts, joined, strict=True))
+        variant = self.begun.variant
+        return signatures(pairs, variant.hysteresis, variant.effects, starts)
+
+    def look_at(self, starts: Starts) -> Look | None:
+        """Go some steps from starts; None where these lead nowhere."""
+        if len(starts) == 1 and starts[0].kinked:
+            starts = (self._along_cusp(starts[0]),)
+        fit = self._tried(starts, RACE_STEPS)
+        return None if fit is None else self._seen(fit, tuple(start.name for start in starts))
+
+    def _tried(self, starts: Starts, steps: int) -> FirstSteps | None:
+        try:
+            fit = self._steps(in_chain_order([*self.model.effects, *starts]), steps)
+        except NO_FIT:
             return None
-        start, best = min(found, key=lambda each: each[1].train_rmse_um)
-        return self._seen(best, (start.name,))
+        return fit if math.isfinite(fit.train_rmse_um) else None
 
-    def _tried(self, starts: Iterable[Effect], steps: int) -> Iterator[tuple[Effect, FirstSteps]]:
-        for start in starts:
-            effects = in_chain_order([*self.model.effects, start])
-            try:
-                fit = self._steps(effects, steps, self.begun)
-            except NO_FIT:
-                continue
-            if math.isfinite(fit.train_rmse_um):
-                yield start, fit
-
-    def _along_cusp(self, begun: list[tuple[float, Effect]]) -> list[tuple[float, Effect]]:
-        """Halve the interval between starts around the best one: no gradient leads into a cusp."""
-        name = str(begun[0][1].kinked)
-        places = sorted(math.log(start.values[name]) for _, start in begun)
+    def _along_cusp(self, start: Effect) -> Effect:
+        """Halve the interval around a start: no gradient leads into a cusp."""
+        name = str(start.kinked)
+        places = sorted(
+            math.log(each.values[name]) for each in type(start).starts(self.evidence.scale)
+        )
         apart = min(np.diff(places), default=0.0)
+        best, least = start, self._tried((start,), 0)
         for _ in range(RACE_STEPS):
             apart *= 0.5
-            best = begun[0][1]
-            near = [
-                type(best).within_bounds(**best.values | {name: value * best.values[name]})
-                for value in (math.exp(-apart), math.exp(apart))
-            ]
-            fits = ((fit.train_rmse_um, start) for start, fit in self._tried(near, 0))
-            begun = sorted([*begun, *fits], key=lambda each: each[0])
-        return begun
+            for factor in (math.exp(-apart), math.exp(apart)):
+                near = type(best).within_bounds(**best.values | {name: factor * start.values[name]})
+                fit = self._tried((near,), 0)
+                if fit is not None and (least is None or fit.train_rmse_um < least.train_rmse_um):
+                    best, least = near, fit
+            start = best
+        return best
 
     @cached_property
     def _to_judge(self) -> list[Array]:
@@ -139,9 +162,8 @@ class Place:
 
     def _linearised(self, fit: FirstSteps) -> tuple[Tangents, Tangents]:
         """Linearise a model near the set on the records to fit and to judge by."""
-        train, validation = self.evidence.train, self.evidence.validation
-        at = tangents_near(train, fit.variant, fit.columns, RACE_SAMPLES)
-        return at, tangents_near(validation, fit.variant, self._to_judge, RACE_SAMPLES)
+        validation = self.evidence.validation
+        return fit.linearise(), tangents_near(validation, fit.variant, self._to_judge, RACE_SAMPLES)
 
     @cached_property
     def _linear(self) -> tuple[Tangents, Tangents]:
@@ -151,81 +173,88 @@ class Place:
         at, judged = self._linearised(fit)
         core, effects = fit.variant.hysteresis, fit.variant.effects
         model = replace(self.model, core=core, effects=effects)
-        return Look(model, tuple(cross_fitted(at.rows, at.moves, judged.rows)), new)
+        lefts = cross_fitted(at.rows, at.moves, judged.rows)
+        here = [rows[:, -1] for rows in (*at.rows, *judged.rows)]
+        count = len(at.rows)
+        if _squares(lefts[:count]) < _squares(here[:count]):  # a step that was not taken
+            lefts = here
+        return Look(model, tuple(lefts), new)
 
     def stepped(self) -> Look:
         """The set itself after as many steps as a look takes."""
-        return self._seen(self._steps(self.model.effects, RACE_STEPS, self.begun), ())
+        return self._seen(self._steps(self.model.effects, RACE_STEPS), ())
 
     def without(self, name: str) -> Place:
         """The place without an effect."""
         kept = tuple(e for e in self.model.effects if e.name != name)
-        return replace(self, model=replace(self.model, effects=kept))
+        return replace(self, model=replace(self.model, effects=kept), near=self.begun)
 
-    def additions(self, base: Look) -> list[Look]:
-        """Looks at every effect of the catalogue that the set does not have, each in its best form.
+    def _promised(self, offered: Iterable[Signature]) -> dict[str, list[tuple[float, Promise]]]:
+        """Forms by what they promise to gain (nats a block), by effect, those that promise most first."""
+        promised = self.foresight.promises(list(offered))
+        gains = [(self._gain(self.foresight.after(each)), each) for each in promised]
+        found: dict[str, list[tuple[float, Promise]]] = {}
+        for gain, each in sorted(gains, key=lambda own: -own[0]):
+            found.setdefault(each.start.name, []).append((gain, each))
+        return {name: forms for name, forms in found.items() if forms[0][0] > 0.0}
 
-        Of its forms the first in their order, which is that of their numbers, that is no worse than
-        any other by the one decision.
-        """
-        core, scale = type(self.model.core), self.evidence.scale
-        found = []
-        for name, kind in CATALOGUE.items():
-            if name in self.model.names:
-                continue
-            forms = [form for form in forms_of(kind) if form.fits_in(core)]
-            begun = [each for form in forms if (each := self._foreseen(form.starts(scale)))]
-            first = begun[:1]  # the simplest, and the one that begins best
-            further = sorted(begun[1:], key=lambda each: each[0][0])[:1]
-            kept = [each for each in begun if each in first or each in further]
-            looks = [self._followed(each) for each in kept]
-            found += no_worse(base, [look for look in looks if look is not None], self.evidence)[:1]
-        return found
+    @cached_property
+    def _new(self) -> dict[str, list[tuple[float, Promise]]]:
+        names, core = self.model.names, type(self.model.core)
+        kinds = [kind for name, kind in CATALOGUE.items() if name not in names]
+        train, lefts = self.evidence.train, self.begun.left_um
+        longest = int(np.argmax([len(left) for left in lefts]))
+        t_s = train[longest].t_s[kept_samples(train, RACE_SAMPLES)[longest]]
+        shown = [
+            start
+            for kind in kinds
+            for form in forms_of(kind)
+            if form.fits_in(core)
+            for start in form.seen_in(t_s, lefts[longest])
+        ]
+        own = [each for each in self.offered if each.start.name not in names]
+        return self._promised([*self.signed(shown), *own])
 
-    def forms(self) -> list[list[Look]]:
-        """Looks at every other form of the effects that the set has, by effect."""
-        scale, core, found = self.evidence.scale, type(self.model.core), []
-        for effect in self.model.effects:
-            bare, kinds = self.without(effect.name), forms_of(type(effect))
-            here, looks = kinds.index(type(effect)), []
-            for k, form in enumerate(kinds):
-                if k != here and form.fits_in(core):
-                    simpler = form.from_simpler(effect, scale) if k > here else ()
-                    looks.append(bare.look((*simpler, *form.starts(scale))))
-            found.append([look for look in looks if look is not None])
-        return found
+    def additions(self) -> list[Starts]:
+        """Starts of the effects that promise most: of each the simplest form, and the best one."""
+        asked: list[Starts] = []
+        for name, forms in list(self._new.items())[:LOOKED]:
+            kinds, best = forms_of(CATALOGUE[name]), forms[0][1]
+            simplest = min((own for _, own in forms), key=lambda own: kinds.index(own.form))
+            asked += [(own,) for own in dict.fromkeys((simplest.start, best.start, *best.further))]
+        return asked
 
-    def pairs(self, singles: Sequence[Look], base: Look) -> list[Look]:
-        """Looks at the pairs of effects whose changes of the residual together take most of it."""
-        left = np.concatenate(base.lefts)
-        changes = {look.new: left - np.concatenate(look.lefts) for look in singles}
-        gains = []
-        for a, b in combinations([look for look in singles if look.new], 2):
-            columns = np.column_stack([changes[a.new], changes[b.new]])
-            fitted = columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
-            alone = max(
-                float(left @ left - np.sum((left - changes[k]) ** 2)) for k in (a.new, b.new)
-            )
-            gains.append((float(fitted @ left) - alone, a, b))
+    def pairs(self) -> list[Starts]:
+        """Starts of the pairs of effects that promise most beyond the better one of them."""
+        best = [forms[0] for forms in self._new.values()][: 2 * LOOKED]
+        gains = [
+            (self._gain(self.foresight.after_both(a, b)) - max(one, other), a, b)
+            for (one, a), (other, b) in combinations(best, 2)
+        ]
         gains.sort(key=lambda each: -each[0])
-        found = []
-        for _, a, b in gains[:PAIRS]:
-            both = [e for look in (a, b) for e in look.model.effects if e.name in look.new]
-            effects = in_chain_order([*self.model.effects, *both])
-            try:
-                fit = self._steps(effects, RACE_STEPS, self.begun)
-            except NO_FIT:
-                continue
-            if math.isfinite(fit.train_rmse_um):
-                found.append(self._seen(fit, tuple(e.name for e in both)))
-        return found
+        return [(a.start, b.start) for _, a, b in gains[:PAIRS]]
 
-    def blocks(self) -> list[Look]:
-        """Looks at a free block at each place of the chain."""
-        core = type(self.model.core)
-        kinds = [k for k in FREE_BLOCKS if k.fits_in(core)]
-        looks = [self.look(kind.starts(self.evidence.scale)) for kind in kinds]
-        return [look for look in looks if look is not None]
+    def forms(self, of: Effect) -> list[Starts]:
+        """Starts of the other forms of an effect that the set without it has: those that promise most."""
+        kinds, core = forms_of(CATALOGUE[of.name]), type(self.model.core)
+        richer = kinds[kinds.index(type(of)) + 1 :]
+        begun = [
+            start
+            for kind in richer
+            if kind.fits_in(core)
+            for start in kind.from_simpler(of, self.evidence.scale)
+        ]
+        own = [each for each in self.offered if each.start.name == of.name]
+        own = [each for each in (*self.signed(begun), *own) if type(each.start) is not type(of)]
+        promised = self._promised(own).get(of.name, [])
+        return [(each.start,) for _, each in promised[:REFITTED]]
+
+    def blocks(self) -> list[Starts]:
+        """Starts of the free blocks that promise most, one at each place of the chain."""
+        core, scale = type(self.model.core), self.evidence.scale
+        starts = [s for kind in FREE_BLOCKS if kind.fits_in(core) for s in kind.starts(scale)]
+        promised = self._promised(self.signed(starts)).get(Unknown.name, [])
+        return [(each.start,) for _, each in promised[:FOLLOWED]]
 
     def clocks(self) -> list[Look]:
         """Looks at faults of the clock of each record, and of all records alike."""
@@ -257,6 +286,10 @@ class Place:
         return Look(model, tuple(cross_fitted(both[0], moves, both[1])), (clock.name,))
 
 
+def _squares(lefts: Sequence[Array]) -> float:
+    return sum(float(left @ left) for left in lefts)
+
+
 def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
     """First fits of every other kind of hysteresis beside the effects of a set, those that leave less."""
     found = []
@@ -271,23 +304,31 @@ def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
     return found
 
 
-def no_worse(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look]:
-    """Return the looks that are not worse than the best of them by the one decision, in their order."""
-    if len(looks) < 2:
-        return list(looks)
-    _, scores = _scores(base, looks, evidence)
-    behind = scores - scores[int(np.argmin(scores.mean(axis=1)))]
-    worse = chances(behind, np.zeros(len(looks)), draw_blocks(scores.shape[1])) < LEVEL
-    return [look for look, out in zip(looks, worse, strict=True) if not out]
-
-
 def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:
-    """Return the looks that gain most."""
+    """Return the looks that gain most, one for each name.
+
+    Of a name's forms it is the first, in their order, that is not worse than its best one by the one
+    decision.
+    """
     if not looks:
         return []
     here, scores = _scores(base, looks, evidence)
     gains = (here - scores).mean(axis=1)
-    return [looks[k] for k in np.argsort(-gains)[:most] if gains[k] > 0.0]
+    draws, chosen, named = draw_blocks(scores.shape[1]), list[int](), set[tuple[str, ...]]()
+    for k in map(int, np.argsort(-gains)):
+        if gains[k] > 0.0 and looks[k].new not in named and len(chosen) < most:
+            named.add(looks[k].new)
+            own = [m for m, look in enumerate(looks) if look.new == looks[k].new]
+            worse = chances(scores[own] - scores[k], np.zeros(len(own)), draws) < LEVEL
+            chosen.append(own[int(np.argmin(worse))])
+    return [looks[k] for k in chosen]
+
+
+def bearable(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look]:
+    """Return the looks at less that are not worse by the one decision."""
+    here, scores = _scores(base, looks, evidence)
+    lost = chances(scores - here, np.zeros(len(looks)), draw_blocks(scores.shape[1]))
+    return [look for look, chance in zip(looks, lost, strict=True) if chance >= LEVEL]
 
 
 def _scores(base: Look, looks: Sequence[Look], evidence: Evidence) -> tuple[Array, Array]:

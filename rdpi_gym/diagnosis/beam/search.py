@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -13,15 +13,22 @@ from rdpi_gym.diagnosis.beam.constants import (
     BEAM,
     LEAST_WEIGHT,
     LEVEL,
-    REFITTED,
     ROUNDS,
     TEMPERATURE,
 )
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, drawn_weights, log_prior
 from rdpi_gym.diagnosis.beam.evidence import Evidence
-from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
-from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS, Look, Place, kinds, raced
+from rdpi_gym.diagnosis.beam.expansion import (
+    Key,
+    expanded,
+    of_other_kinds,
+    offered,
+    with_free_blocks,
+)
+from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS
 from rdpi_gym.diagnosis.beam.score import Blocks
+from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import Variant
@@ -34,8 +41,6 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import Pool
 from rdpi_gym.support.progress import Progress, silent
 
-Key = tuple[str, ...]
-
 
 def begun(evidence: Evidence) -> Visited:
     """Return the set without effects: RDPI, or a stop model where loops turn clockwise."""
@@ -47,68 +52,6 @@ def begun(evidence: Evidence) -> Visited:
     found = None if core is None else refitted(evidence, Model(core))
     if found is None:
         raise InputError(f"no {kind.name} model can be fitted to the records")
-    return found
-
-
-def expanded(
-    evidence: Evidence, known: Collection[Key], one: tuple[Visited, bool]
-) -> list[Visited]:
-    """Return the sets that moves make of one, those that the race leaves refitted whole.
-
-    With each set stands whether there is anything that more effects could take. Sets without an
-    effect that are `known` are not refitted again.
-    """
-    of, grows = one
-    here, model = evidence.mended(of.model.clocks), of.model
-    found: list[Visited | None] = []
-    if grows:
-        place = Place(here, model)
-        base = place.stepped()
-        singles = place.additions(base)
-        looks = [*singles, *place.pairs(singles, base), *place.clocks()]
-        found += _refitted(evidence, of, base, looks, REFITTED)
-        for forms in place.forms():  # of each effect that is there, besides
-            found += _refitted(evidence, of, base, forms, 1)
-    for effect in model.effects:
-        rest = replace(model, effects=tuple(e for e in model.effects if e is not effect))
-        found += [refitted(evidence, rest, of.key)] if rest.key not in known else []
-    return [each for each in found if each is not None]
-
-
-def with_free_blocks(evidence: Evidence, of: Visited) -> list[Visited]:
-    """Return the sets with the best free block beside all effects, and in the place of each."""
-    here = evidence.mended(of.model.clocks)
-    place = Place(here, of.model)
-    found = _refitted(evidence, of, place.stepped(), place.blocks(), 1)
-    for effect in of.model.effects:
-        bare = place.without(effect.name)
-        found += _refitted(evidence, of, bare.stepped(), bare.blocks(), 1)
-    return [each for each in found if each is not None]
-
-
-def of_other_kinds(evidence: Evidence, of: Visited) -> list[Visited]:
-    """Return the set with every other kind of hysteresis, those that come near refitted whole."""
-    found = []
-    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um):
-        one = refitted(evidence, model, of.key)
-        found += [one] if one is not None else []
-    return [replace(each, tried=len(found)) for each in found]
-
-
-def _refitted(
-    evidence: Evidence, of: Visited, base: Look, looks: Sequence[Look], most: int
-) -> list[Visited | None]:
-    here = evidence.mended(of.model.clocks)
-    linear = Linear(here, Variant(of.model.core, of.model.effects))
-    found: list[Visited | None] = []
-    for look in raced(base, looks, here, most):
-        one = refitted(evidence, look.model, of.key)
-        if one is None:
-            continue
-        new = [k for k, e in enumerate(one.model.effects) if e.name in look.new]
-        variant = Variant(one.model.core, one.model.effects)
-        ghosts = linear.with_phantoms(variant, new) if new else ()
-        found.append(replace(one, ghosts=ghosts, tried=len(looks)))
     return found
 
 
@@ -245,7 +188,7 @@ def searched(
     beam.add([base])
     beam.accepted.add(base.key)
     done: set[Key] = set()
-    asked_kinds = False
+    asked_kinds, signatures = False, dict[str, Sequence[Signature]]()
     for number in range(ROUNDS):
         report("rounds of the beam", number, ROUNDS)
         scores = beam.scored()
@@ -253,7 +196,10 @@ def searched(
         front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
         if front:
             cases = [(one, not scores.is_at_floor(one)) for one in front]
-            lists = pool.map(partial(expanded, evidence, frozenset(beam.visited)), cases)
+            for one, grows in cases:
+                if grows and one.model.core.name not in signatures:
+                    signatures[one.model.core.name] = offered(evidence, one)
+            lists = [expanded(evidence, frozenset(beam.visited), signatures, cases, pool)]
         elif not asked_kinds and not scores.is_at_floor(best := best_of(beam, scores)):
             asked_kinds, front = True, [best]
             bare = [base] if best.model.effects else []
@@ -267,7 +213,7 @@ def searched(
     scores = beam.scored()
     best = best_of(beam, scores)
     if not scores.is_at_floor(best):
-        beam.add(with_free_blocks(evidence, best))
+        beam.add(with_free_blocks(evidence, best, pool))
         scores = beam.scored()
     report("rounds of the beam", ROUNDS, ROUNDS)
     return beam, scores, best

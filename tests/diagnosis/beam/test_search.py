@@ -3,15 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rdpi_gym.diagnosis.beam.constants import LOOKED
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
+from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import diagnose
 from rdpi_gym.diagnosis.beam.models import Linear, Model, refitted
-from rdpi_gym.diagnosis.beam.moves import Place
+from rdpi_gym.diagnosis.beam.moves import Place, bearable, raced
 from rdpi_gym.diagnosis.beam.search import begun
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant
-from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.support.errors import InputError
 
 TS_S = 2e-3
@@ -58,7 +60,7 @@ def test_creep_is_named_and_its_probability_is_the_weight_of_its_sets(crept):
 def test_a_phantom_of_creep_gains_next_to_nothing_of_what_creep_does(crept):
     evidence = Evidence.of(crept)
     base = begun(evidence)
-    look = Place(evidence, base.model).look(CATALOGUE["creep"].starts(evidence.scale))
+    look = Place(evidence, base.model).look_at(CATALOGUE["creep"].starts(evidence.scale)[:1])
     with_creep = refitted(evidence, look.model, base.key)
     variant = Variant(with_creep.model.core, with_creep.model.effects)
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
@@ -68,6 +70,32 @@ def test_a_phantom_of_creep_gains_next_to_nothing_of_what_creep_does(crept):
     gain = np.log(alone / with_creep.rmse_um**2)
     assert gain > 1.0
     assert all(np.log(alone / ghost) < 0.2 * gain for ghost in ghosts)
+
+
+def test_what_promises_most_beside_the_core_is_the_effect_that_is_there(crept):
+    evidence = Evidence.of(crept)
+    base = begun(evidence)
+    place = Place(evidence, base.model, offered(evidence, base))
+    asked = place.additions()
+    assert {start.name for (start,) in asked[:2]} == {"creep"}
+    assert len({start.name for (start,) in asked}) <= LOOKED
+    seen = place.look_at(asked[1])
+    assert seen.new == ("creep",)
+    assert np.std(np.concatenate(seen.lefts)) < 0.3 * base.rmse_um
+
+
+def test_the_drop_of_an_effect_that_is_there_is_not_borne_and_the_best_look_of_a_name_goes_on(
+    crept,
+):
+    evidence = Evidence.of(crept)
+    place = Place(evidence, begun(evidence).model)
+    bare = place.stepped()
+    looks = [
+        place.look_at(creep.starts(evidence.scale)[:1])
+        for creep in forms_of(CATALOGUE["creep"])[:3]
+    ]
+    assert len(raced(bare, looks, evidence, 4)) == 1
+    assert bearable(looks[1], [bare, looks[1]], evidence) == [looks[1]]
 
 
 def test_a_late_record_is_mended_by_the_delay_of_its_own_clock(crept):

@@ -1,0 +1,157 @@
+"""Expansion of the sets of a beam: all first looks as one pool of tasks, then all refits as another."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from rdpi_gym.diagnosis.beam.constants import REFITTED
+from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.models import Linear, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import Look, Place, Starts, bearable, kinds, raced
+from rdpi_gym.diagnosis.beam.signatures import Signature
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.support.parallel import Pool
+
+Key = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """Moves of one set that are to be looked at, those of one group against each other."""
+
+    of: Visited
+    place: Place  # From which the looks are taken
+    starts: Sequence[Starts]  # An empty one is the place itself
+    against: Place  # What they have to gain upon
+    most: int = 1  # Looks of the group that are refitted whole
+    clocks: Sequence[Look] = ()
+
+
+def offered(evidence: Evidence, of: Visited) -> list[Signature]:
+    """Signatures of the starts of all effects, beside the core of a set alone."""
+    core, scale = type(of.model.core), evidence.scale
+    forms = [form for kind in CATALOGUE.values() for form in forms_of(kind) if form.fits_in(core)]
+    place = Place(evidence.mended(of.model.clocks), replace(of.model, effects=()))
+    return place.signed(start for form in forms for start in form.starts(scale))
+
+
+def _asked(
+    evidence: Evidence,
+    known: Collection[Key],
+    signatures: Mapping[str, Sequence[Signature]],
+    one: tuple[Visited, bool],
+) -> list[Asked]:
+    """Return the moves of a set that promise most, and those that drop an effect."""
+    of, grows = one
+    place = Place(
+        evidence.mended(of.model.clocks), of.model, signatures.get(of.model.core.name, ())
+    )
+    found = []
+    if grows:
+        starts = [*place.additions(), *place.pairs()]
+        found.append(Asked(of, place, starts, place, REFITTED, place.clocks()))
+    for effect in of.model.effects:
+        bare = place.without(effect.name)
+        if grows:
+            found.append(Asked(of, bare, bare.forms(effect), place))
+        if bare.model.key not in known:
+            found.append(Asked(of, bare, ((),), place))
+    return found
+
+
+def _blocks_asked(evidence: Evidence, of: Visited) -> list[Asked]:
+    """Return the free blocks that promise most beside all effects, and in the place of each."""
+    place = Place(evidence.mended(of.model.clocks), of.model)
+    places = [place, *(place.without(effect.name) for effect in of.model.effects)]
+    return [Asked(of, each, each.blocks(), each) for each in places]
+
+
+def _looked(places: Sequence[Place], case: tuple[int, Starts]) -> Look | None:
+    which, starts = case
+    return places[which].look_at(starts) if starts else places[which].stepped()
+
+
+def _refitted(
+    evidence: Evidence, linear: Sequence[Linear], case: tuple[int, Visited, Look, int]
+) -> Visited | None:
+    which, of, look, tried = case
+    one = refitted(evidence, look.model, of.key)
+    if one is None or not look.new:
+        return one
+    new = [k for k, e in enumerate(one.model.effects) if e.name in look.new]
+    variant = Variant(one.model.core, one.model.effects)
+    ghosts = linear[which].with_phantoms(variant, new) if new else ()
+    return replace(one, ghosts=ghosts, tried=tried)
+
+
+def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Visited]:
+    """Take the looks, race them, and refit those that gain most."""
+    places = list(dict.fromkeys(p for each in asked for p in (each.place, each.against)))
+    wanted: dict[tuple[int, Starts], None] = {}
+    for each in asked:
+        own = [(places.index(each.place), starts) for starts in each.starts]
+        wanted |= dict.fromkeys([(places.index(each.against), ()), *own])
+    # the longest first, so that no process waits for another's last
+    cases = sorted(wanted, key=lambda case: -_numbers(places[case[0]], case[1]))
+    looks = dict(zip(cases, pool.map(partial(_looked, places), cases), strict=True))
+    parents = list(dict.fromkeys(each.of.key for each in asked))
+    linear = [_linear(evidence, next(a.of for a in asked if a.of.key == key)) for key in parents]
+    kept: list[tuple[int, Visited, Look, int]] = []
+    for each in asked:
+        seen = [looks[places.index(each.place), starts] for starts in each.starts]
+        found = [*(look for look in seen if look is not None), *each.clocks]
+        base = looks[places.index(each.against), ()] if found else None
+        if base is None:
+            continue
+        near = each.place.evidence
+        chosen = (
+            bearable(base, found, near)
+            if () in each.starts
+            else raced(base, found, near, each.most)
+        )
+        kept += [(parents.index(each.of.key), each.of, look, len(found)) for look in chosen]
+    kept.sort(key=lambda case: -len(case[2].model.effects))
+    sets = pool.map(partial(_refitted, evidence, linear), kept)
+    return [each for each in sets if each is not None]
+
+
+def _numbers(place: Place, starts: Starts) -> int:
+    """Numbers that a look moves."""
+    return sum(len(effect.parameters) for effect in (*place.model.effects, *starts))
+
+
+def _linear(evidence: Evidence, of: Visited) -> Linear:
+    return Linear(evidence.mended(of.model.clocks), Variant(of.model.core, of.model.effects))
+
+
+def expanded(
+    evidence: Evidence,
+    known: Collection[Key],
+    signatures: Mapping[str, Sequence[Signature]],
+    cases: Sequence[tuple[Visited, bool]],
+    pool: Pool,
+) -> list[Visited]:
+    """Return the sets that moves make of those of a beam, those that the race leaves refitted whole.
+
+    With each set stands whether there is anything that more effects could take. Sets without an
+    effect that are `known` are not refitted again.
+    """
+    asked = pool.map(partial(_asked, evidence, known, signatures), cases)
+    return _expanded(evidence, [each for own in asked for each in own], pool)
+
+
+def with_free_blocks(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
+    """Return the sets with the best free block beside all effects, and in the place of each."""
+    return _expanded(evidence, _blocks_asked(evidence, of), pool)
+
+
+def of_other_kinds(evidence: Evidence, of: Visited) -> list[Visited]:
+    """Return the set with every other kind of hysteresis, those that come near refitted whole."""
+    found = []
+    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um):
+        one = refitted(evidence, model, of.key)
+        found += [one] if one is not None else []
+    return [replace(each, tried=len(found)) for each in found]
