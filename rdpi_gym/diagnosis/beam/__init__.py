@@ -13,7 +13,8 @@
    are refitted (``search``).
 5. A set's weight is that of pseudo-BMA+ under the same draws, its phantoms charged; a name's probability
    is the weight of the sets that have it. A name is *found* from 90 % on and *likely* from 50; a name
-   that a free block in its place beats by the one decision is a *stand-in* (``grades``).
+   that a free block in its place beats by the one decision, or that takes less of the score than its
+   set leaves above the floor, is a *stand-in* (``grades``): whatever leaves that may be its cause too.
 
 Every number that does not come from the data stands in ``constants.TABLE``.
 

@@ -8,8 +8,8 @@ from functools import partial
 
 from rdpi_gym.diagnosis.beam.constants import REFITTED
 from rdpi_gym.diagnosis.beam.evidence import Evidence
-from rdpi_gym.diagnosis.beam.models import Linear, Visited, refitted
-from rdpi_gym.diagnosis.beam.moves import Look, Place, Starts, bearable, kinds, raced
+from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import Look, Place, Starts, bearable, exchanged, kinds, raced
 from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
@@ -140,7 +140,27 @@ def expanded(
     effect that are `known` are not refitted again.
     """
     asked = pool.map(partial(_asked, evidence, known, signatures), cases)
-    return _expanded(evidence, [each for own in asked for each in own], pool)
+    found = _expanded(evidence, [each for own in asked for each in own], pool)
+    rivals = [(m, one.key) for one, g in cases if g for m in exchanged(one.model, evidence.scale)]
+    return [*found, *_whole(evidence, known, rivals, pool)]
+
+
+def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool) -> list[Visited]:
+    """Return the sets with one effect or clock fault less that are not `known`."""
+    return _whole(evidence, known, [(model, of.key) for model in of.model.without_one()], pool)
+
+
+def _whole(
+    evidence: Evidence, known: Collection[Key], models: Sequence[tuple[Model, Key]], pool: Pool
+) -> list[Visited]:
+    """Refit models that are not known, each with the key of its parent, without a look."""
+    new = [case for case in models if case[0].key not in known]
+    sets = pool.map(partial(_refitted_as, evidence), new)
+    return [each for each in sets if each is not None]
+
+
+def _refitted_as(evidence: Evidence, case: tuple[Model, Key]) -> Visited | None:
+    return refitted(evidence, *case)
 
 
 def with_free_blocks(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:

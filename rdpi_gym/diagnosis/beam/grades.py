@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -185,10 +186,11 @@ def _names(beam: Beam, scores: Scores, best: Visited) -> tuple[Name, ...]:
         top = scores.sets[max(having, key=lambda k: mean[k])]
         form = next((e.form for e in top.model.effects if e.name == name), "")
         grade: Grade = ""
-        if name in best.model.names and _loses(scores, best, name):
-            grade = "stand-in"
-        elif name in best.model.names and probability >= LIKELY:
-            grade = "found" if probability >= FOUND else "likely"
+        if name in best.model.names:
+            if _loses(scores, best, name) or takes_less(scores, best, name):
+                grade = "stand-in"
+            elif probability >= LIKELY:
+                grade = "found" if probability >= FOUND else "likely"
         found.append(Name(name, form, probability, grade, instead[name]))
     return tuple(sorted(found, key=lambda each: -each.probability))
 
@@ -206,3 +208,13 @@ def _loses(scores: Scores, best: Visited, name: str) -> bool:
     here = scores.of(best)
     gains = np.array([here - scores.of(one) for one in rivals])
     return bool(min(chances(gains, np.zeros(len(rivals)), scores.draws)) < LEVEL)
+
+
+def takes_less(scores: Scores, best: Visited, name: str) -> bool:
+    """Whether a name takes less than its set leaves: whatever leaves that may be its cause as well."""
+    if scores.is_at_floor(best):
+        return False
+    fewer = [one for one in scores.sets if one.model.names == best.model.names - {name}]
+    left = float(scores.of(best).mean())
+    gone = min((float(scores.of(one).mean()) for one in fewer), default=math.inf)
+    return gone - left < left

@@ -49,6 +49,15 @@ class Model:
         """Names of the effects and clock faults, without forms."""
         return frozenset([e.name for e in self.effects] + [c.name for c in self.clocks])
 
+    def without_one(self) -> list[Model]:
+        """Return the models with one effect or clock fault less."""
+        fewer = [tuple(e for e in self.effects if e is not effect) for effect in self.effects]
+        sound = [tuple(c for c in self.clocks if c is not clock) for clock in self.clocks]
+        return [
+            *(replace(self, effects=each) for each in fewer),
+            *(replace(self, clocks=each) for each in sound),
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class Visited:

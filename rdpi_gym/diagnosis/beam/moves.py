@@ -41,7 +41,7 @@ from rdpi_gym.identification.joint import (
 )
 from rdpi_gym.plant import CORES
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
-from rdpi_gym.plant.effects.base import Effect, in_chain_order
+from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
 from rdpi_gym.support.arrays import Array
 
@@ -288,6 +288,29 @@ class Place:
 
 def _squares(lefts: Sequence[Array]) -> float:
     return sum(float(left @ left) for left in lefts)
+
+
+def exchanged(model: Model, scale: DataScale) -> list[Model]:
+    """Return the models with the stage of one effect at the place that another name stands for.
+
+    In the form with the same numbers, which mean the same stage there, and in the further ones. No
+    first look leads to it: what acts before the plays changes the derivatives by their weights, which
+    looks take from the set as it is.
+    """
+    found = []
+    for effect in model.effects:
+        others = [e for e in model.effects if e is not effect]
+        for kind in (CATALOGUE[name] for name in CATALOGUE if name not in model.names):
+            forms = forms_of(kind)
+            alike = [
+                k for k, f in enumerate(forms) if [p.name for p in f.parameters] == [*effect.values]
+            ]
+            for k in alike[:1]:
+                twin = forms[k].within_bounds(**effect.values)
+                further = [form.from_simpler(twin, scale)[:1] for form in forms[k + 1 :]]
+                placed = [twin, *(each for starts in further for each in starts)]
+                found += [replace(model, effects=in_chain_order([*others, e])) for e in placed]
+    return found
 
 
 def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:

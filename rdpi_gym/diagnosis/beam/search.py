@@ -20,6 +20,7 @@ from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, drawn_weights
 from rdpi_gym.diagnosis.beam.evidence import Evidence
 from rdpi_gym.diagnosis.beam.expansion import (
     Key,
+    dropped,
     expanded,
     of_other_kinds,
     offered,
@@ -213,6 +214,7 @@ def searched(
     scores = beam.scored()
     best = best_of(beam, scores)
     if not scores.is_at_floor(best):
+        beam.add(dropped(evidence, frozenset(beam.visited), best, pool))
         beam.add(with_free_blocks(evidence, best, pool))
         scores = beam.scored()
     report("rounds of the beam", ROUNDS, ROUNDS)

@@ -6,10 +6,11 @@ import pytest
 from rdpi_gym.diagnosis.beam.constants import LOOKED
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
 from rdpi_gym.diagnosis.beam.expansion import offered
-from rdpi_gym.diagnosis.beam.grades import diagnose
-from rdpi_gym.diagnosis.beam.models import Linear, Model, refitted
-from rdpi_gym.diagnosis.beam.moves import Place, bearable, raced
-from rdpi_gym.diagnosis.beam.search import begun
+from rdpi_gym.diagnosis.beam.grades import diagnose, takes_less
+from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, raced
+from rdpi_gym.diagnosis.beam.score import Blocks
+from rdpi_gym.diagnosis.beam.search import Scores, begun
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant
@@ -106,6 +107,31 @@ def test_a_late_record_is_mended_by_the_delay_of_its_own_clock(crept):
     other = Clock("delay", "another", 0.01)
     assert other.mended(late) is late
     assert Model(P10.hysteresis, clocks=(other,)).names == {"clock delay of another"}
+
+
+@pytest.mark.parametrize(("left_um", "grade"), [(1.5, False), (4.0, True)])
+def test_a_name_that_takes_less_than_its_set_leaves_is_no_cause(left_um, grade):
+    creep = CATALOGUE["creep"].within_bounds()
+
+    def visited(model, size_um):
+        return Visited(model, None, (np.full(160, size_um),))
+
+    bare, best = (
+        visited(Model(P10.hysteresis), 5.0),
+        visited(Model(P10.hysteresis, (creep,)), left_um),
+    )
+    scores = Scores((bare, best), Blocks((16,)), 1.0, 1.0, 0)
+    assert takes_less(scores, best, "creep") is grade
+
+
+def test_the_stage_of_a_lag_is_tried_before_the_plays_with_its_numbers(crept):
+    lag = CATALOGUE["sensor_lag"].within_bounds(time_constant_s=2e-3)
+    scale = Evidence.of(crept).scale
+    first, *further = [
+        model.effects[0] for model in exchanged(Model(P10.hysteresis, (lag,)), scale)
+    ]
+    assert (first.name, first.values) == ("actuator_lag", lag.values)
+    assert {type(e) for e in further} == set(CATALOGUE["actuator_lag"].forms)
 
 
 def test_a_data_set_without_records_that_move_is_refused():
