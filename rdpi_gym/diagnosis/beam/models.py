@@ -98,8 +98,8 @@ def refitted(
 ) -> Visited | None:
     """Refit a set whole and cross-fit it; None where it leaves the bounds of its numbers."""
     began = time.process_time()
-    here = evidence.mended(model.clocks)
     try:
+        here = evidence.mended(model.clocks)
         fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
         kept = kept_samples(here.train, FIT_SAMPLES)
         rows = [

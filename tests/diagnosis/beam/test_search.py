@@ -13,7 +13,7 @@ from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.search import Scores, begun
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.plant import P10, Plant
+from rdpi_gym.plant import P10, RDPI, Plant
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.support.errors import InputError
 
@@ -107,6 +107,12 @@ def test_a_late_record_is_mended_by_the_delay_of_its_own_clock(crept):
     other = Clock("delay", "another", 0.01)
     assert other.mended(late) is late
     assert Model(P10.hysteresis, clocks=(other,)).names == {"clock delay of another"}
+
+
+def test_a_clock_that_leaves_the_floats_is_a_set_less_and_not_the_end(crept):
+    evidence = Evidence.of(crept)
+    wild = Clock("step", crept.train[0].name, 1e4)
+    assert refitted(evidence, Model(RDPI.comb(evidence.scale), clocks=(wild,))) is None
 
 
 @pytest.mark.parametrize(("left_um", "grade"), [(1.5, False), (4.0, True)])
