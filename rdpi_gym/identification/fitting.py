@@ -303,7 +303,7 @@ def fit(
     point, evaluations = search(
         stack, n, free_memory=free_memory, bounds=bounds, progress=progress or silent
     )
-    offsets = means_um - point.means[:, : n + 1] @ point.weights
+    offsets = means_um + point.offsets
     model = _plant(point, offsets, train, name, rate_bandwidth_hz)
 
     extrema = {r.name: float(e) for r, e in zip(train, point.theta[2:], strict=True)}

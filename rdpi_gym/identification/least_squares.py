@@ -9,7 +9,8 @@ column                meaning
 ====================  ======================================================
 0                     command u (V), the regressor of a_0
 1 ... n               ξ_1 ... ξ_n (V), the regressors of a_1 ... a_n
-n + 1                 displacement y (µm)
+n + 1                 displacement y (µm), less what weights and offsets that
+                      are expected make of the columns before
 n + 2, n + 3, n + 4   derivative of the model's displacement by δ1, δ2 and
                       the record's memory extremum; only with tangents
 ====================  ======================================================
@@ -81,6 +82,8 @@ def _fill_tangents(
     rest: Array,
     delta2: float,
     order: Array,
+    offset: float,
+    gain: float,
     weights: Array,
     xi: Array,
     by1: Array,
@@ -94,7 +97,7 @@ def _fill_tangents(
     k = 0
     while t < end and k < rows.shape[0]:
         speed = abs(v[t])
-        d1, d2, d3 = 0.0, 0.0, 0.0
+        model, d1, d2, d3 = offset + gain * u[t], 0.0, 0.0, 0.0
         if remembers:
             remembers = False
             for i in range(n):
@@ -111,6 +114,7 @@ def _fill_tangents(
             xi[i] = play(x, low, high)
             by1[i] = sticks * by1[i] + sign * order[i]
             by2[i] = sticks * by2[i] + sign * speed
+            model += weights[i] * xi[i]
             d1 += weights[i] * by1[i]
             d2 += weights[i] * by2[i]
         w = root[t]
@@ -120,7 +124,7 @@ def _fill_tangents(
             row[1] = w * u[t]
             for i in range(n):
                 row[2 + i] = w * xi[i]
-            row[n + 2] = w * y[t]
+            row[n + 2] = w * (y[t] - model)
             row[n + 3], row[n + 4], row[n + 5] = w * d1, w * d2, w * d3
             k += 1
         t += 1
@@ -138,6 +142,7 @@ def _products(
     delta2: float,
     extrema: Array,
     weights: Array,
+    offsets: Array,
     plays: Array,
     rows: Array,
     moments: Array,
@@ -173,7 +178,7 @@ def _products(
             if weights.shape[0] > 0:
                 t, k = _fill_tangents(
                     u, v, y, root, t, edges[r + 1], rest, delta2,
-                    order, padded, xi, by1, by2, by3, rows,
+                    order, offsets[r], weights[0], padded, xi, by1, by2, by3, rows,
                 )  # fmt: skip
             else:
                 t, k = _fill(u, v, y, root, t, edges[r + 1], rest, delta2, xi, rows)
@@ -191,32 +196,42 @@ def _products(
 
 
 def _matrices(
-    stack: Stack, n: int, delta1: float, delta2: float, extrema: Array, weights: Array
+    stack: Stack,
+    n: int,
+    delta1: float,
+    delta2: float,
+    extrema: Array,
+    weights: Array,
+    offsets: Array,
 ) -> tuple[Array, Array]:
     records, size = extrema.size, n + (5 if weights.size else 2)
     gram, means = np.zeros((records, size, size)), np.zeros((records, size))
     rows = np.empty((max(1, min(_BLOCK, _PRODUCT // (size + 1) ** 2)), size + 1))
     plays = np.empty((7, -(-n // _VECTOR) * _VECTOR))
     moments = np.empty((2, size + 1, size + 1))
-    _products(*stack, delta1, delta2, extrema, weights, plays, rows, moments, gram, means)
+    _products(*stack, delta1, delta2, extrema, weights, offsets, plays, rows, moments, gram, means)
     return gram, means
 
 
-_NO_WEIGHTS = np.empty(0)
+_NONE = np.empty(0)
 
 
 def gram_matrices(
     stack: Stack, n: int, delta1: float, delta2: float, extrema: Array
 ) -> tuple[Array, Array]:
     """Products of the regressors of every record, each less its record's mean."""
-    return _matrices(stack, n, delta1, delta2, extrema, _NO_WEIGHTS)
+    return _matrices(stack, n, delta1, delta2, extrema, _NONE, _NONE)
 
 
 def tangent_matrices(
-    stack: Stack, delta1: float, delta2: float, extrema: Array, weights: Array
+    stack: Stack, delta1: float, delta2: float, extrema: Array, weights: Array, offsets: Array
 ) -> tuple[Array, Array]:
-    """As :func:`gram_matrices`, with the columns of the tangents at weights a_0 ... a_n (µm/V)."""
-    return _matrices(stack, weights.size - 1, delta1, delta2, extrema, weights)
+    """As :func:`gram_matrices`, with tangents at weights a_0 ... a_n (µm/V) and offsets (µm).
+
+    What these leave of the displacement stands in its place: a small error as a difference of large
+    squares would be rounding.
+    """
+    return _matrices(stack, weights.size - 1, delta1, delta2, extrema, weights, offsets)
 
 
 BoolArray = NDArray[np.bool_]
@@ -257,13 +272,18 @@ def cholesky_solve(upper: Array, x: Array, k: int) -> bool:
 
 @njit(cache=True)
 def weights_of_records(
-    grams: Array, motion: float, floor: float, allowed: BoolArray, passive: BoolArray
+    grams: Array,
+    expected: Array,
+    motion: float,
+    floor: float,
+    allowed: BoolArray,
+    passive: BoolArray,
 ) -> tuple[Array, float]:
-    """Minimise the sum of the records' x'Gx - 2b'x + c for x >= 0 and x_0 >= floor, and return both.
+    """Minimise the sum of the records' d'Gd - 2b'd + c, d = x - expected, for x >= 0 and x_0 >= floor.
 
-    The first rows and columns of a record's matrix are G, then b and c. Fills `allowed` with what
-    also moves by `motion` (rms, as a part of the first column's) in some record, and `passive`, at
-    first a guess, with what is off its bound.
+    Return x and the minimum. The first rows and columns of a record's matrix are G, then b and c.
+    Fills `allowed` with what also moves by `motion` (rms, as a part of the first column's) in some
+    record, and `passive`, at first a guess, with what is off its bound.
 
     Notes
     -----
@@ -293,7 +313,10 @@ def weights_of_records(
     for i in range(k):
         for j in range(k):
             scaled[i, j] = gram[i, j] * scale[i] * scale[j]
-        target[i] = (rhs[i] - gram[i, 0] * floor) * scale[i]
+        target[i] = rhs[i] - gram[i, 0] * floor
+        for j in range(k):
+            target[i] += gram[i, j] * expected[j]
+        target[i] *= scale[i]
     size, entering = 0.0, -1
     for i in range(k):
         size = max(size, abs(target[i]))
@@ -346,9 +369,11 @@ def weights_of_records(
         x[i] *= scale[i]
     x[0] += floor
     for i in range(k):
-        cost -= 2.0 * x[i] * rhs[i]
+        trial[i] = x[i] - expected[i]
+    for i in range(k):
+        cost -= 2.0 * trial[i] * rhs[i]
         for j in range(k):
-            cost += x[i] * x[j] * gram[i, j]
+            cost += trial[i] * trial[j] * gram[i, j]
     return x, max(cost, 0.0)
 
 
@@ -358,7 +383,7 @@ def bounded_least_squares(
     """Minimise x'Gx - 2b'x for x >= 0 and x_0 >= floor; say which x are off their bounds."""
     bordered, passive = np.zeros((1, rhs.size + 1, rhs.size + 1)), guess.copy()
     bordered[0, :-1, :-1], bordered[0, :-1, -1] = gram, rhs
-    x, _ = weights_of_records(bordered, 0.0, floor, allowed.copy(), passive)
+    x, _ = weights_of_records(bordered, np.zeros(rhs.size), 0.0, floor, allowed.copy(), passive)
     return x, passive
 
 

@@ -26,13 +26,15 @@ class Point(NamedTuple):
 
     theta: Array  # float64[2 + R]: δ1 (V), δ2 (s), memory extremum of each record (V)
     weights: Array  # float64[n + 1]: Best a_0 ... a_n (µm/V) there.
+    offsets: Array  # float64[R]: Best offsets (µm) there
     passive: BoolArray  # bool[n + 1]: Weights off their bounds
     cost: float  # Sum of squared errors (µm²)
     # float64[R, n + 5, n + 5], float64[R, n + 5]: From
-    # :func:`~rdpi_gym.identification.least_squares.tangent_matrices`, at the weights that were
-    # expected before these were known
+    # :func:`~rdpi_gym.identification.least_squares.tangent_matrices`, at the weights and offsets
+    # that were expected before these were known
     tangents: Array
     means: Array
+    expected: Array  # float64[n + 1]: Those weights (µm/V)
 
 
 def moving_plays(gram: Array, motion: float) -> BoolArray:
@@ -42,29 +44,41 @@ def moving_plays(gram: Array, motion: float) -> BoolArray:
     return np.asarray(moving.any(axis=0))
 
 
-def project(gram: Array, n: int, bounds: Bounds) -> tuple[Array, BoolArray, float]:
+def project(gram: Array, expected: Array, bounds: Bounds) -> tuple[Array, BoolArray, float]:
     """Best weights for the Gram matrices of the records, which of them are free, and the cost."""
-    allowed, passive = np.ones((2, n + 1), dtype=np.bool_)
-    weights, cost = weights_of_records(gram, bounds.motion, bounds.a0, allowed, passive)
+    allowed, passive = np.ones((2, expected.size), dtype=np.bool_)
+    weights, cost = weights_of_records(gram, expected, bounds.motion, bounds.a0, allowed, passive)
     return weights, passive, cost
 
 
-def evaluate(stack: Stack, theta: Array, expected: Array, bounds: Bounds) -> Point:
-    """Solve for the weights at `theta`, with tangents at weights expected there (µm/V)."""
-    tangents, means = tangent_matrices(stack, theta[0], theta[1], theta[2:], expected)
-    return Point(theta, *project(tangents, expected.size - 1, bounds), tangents, means)
+def evaluate(stack: Stack, theta: Array, expected: Array, offsets: Array, bounds: Bounds) -> Point:
+    """Solve for weights and offsets at `theta`, with tangents at those expected (µm/V, µm)."""
+    tangents, means = tangent_matrices(stack, theta[0], theta[1], theta[2:], expected, offsets)
+    weights, passive, cost = project(tangents, expected, bounds)
+    offsets = offsets + _offsets(means, weights - expected)
+    return Point(theta, weights, offsets, passive, cost, tangents, means, expected)
+
+
+def _offsets(means: Array, weights: Array) -> Array:
+    """What weights leave of each record's mean displacement (µm)."""
+    left: Array = means[:, weights.size] - means[:, : weights.size] @ weights
+    return left
 
 
 def begin(stack: Stack, n: int, theta: Array, bounds: Bounds) -> Point:
     """As :func:`evaluate`, where nothing is known of the weights."""
-    gram, _ = gram_matrices(stack, n, theta[0], theta[1], theta[2:])
-    return evaluate(stack, theta, project(gram, n, bounds)[0], bounds)
+    gram, means = gram_matrices(stack, n, theta[0], theta[1], theta[2:])
+    weights, _, _ = project(gram, np.zeros(n + 1), bounds)
+    return evaluate(stack, theta, weights, _offsets(means, weights), bounds)
 
 
 @njit(cache=True)
-def normal_equations(tangents: Array, weights: Array) -> tuple[Array, Array]:
-    """Normal matrix and gradient of Eq. 10 over (δ1, δ2, extrema, a_0 ... a_n), offsets taken out."""
-    records, k = tangents.shape[0], weights.shape[0]
+def normal_equations(tangents: Array, change: Array) -> tuple[Array, Array]:
+    """Normal matrix and gradient of Eq. 10 over (δ1, δ2, extrema, a_0 ... a_n), offsets taken out.
+
+    `change` is that of the weights from those expected.
+    """
+    records, k = tangents.shape[0], change.shape[0]
     size = 2 + records + k
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
     place = np.empty(k + 3, dtype=np.int64)
@@ -81,7 +95,7 @@ def normal_equations(tangents: Array, weights: Array) -> tuple[Array, Array]:
             row = tangents[r, column[i]]
             error = row[k]
             for m in range(k):
-                error -= row[m] * weights[m]
+                error -= row[m] * change[m]
             gradient[place[i]] += error
             for j in range(k + 3):
                 matrix[place[i], place[j]] += row[column[j]]
@@ -152,14 +166,14 @@ def refine(
     low[:2], high[:2] = zip(bounds.delta1_V, bounds.delta2_s, strict=True)
     best, damping, passes = start, 1e-3, 0
     while passes < budget:
-        matrix, gradient = normal_equations(best.tangents, best.weights)
+        matrix, gradient = normal_equations(best.tangents, best.weights - best.expected)
         before = best.cost
         while damping < 1e8 and passes < budget:
             theta, expected = _step(
                 matrix, gradient, best.theta, best.weights, best.passive, low, high,
                 free_memory, damping,
             )  # fmt: skip
-            trial = evaluate(stack, theta, expected, bounds)
+            trial = evaluate(stack, theta, expected, best.offsets, bounds)
             passes += 1
             if trial.cost < best.cost:
                 best = trial
@@ -248,12 +262,12 @@ def _look_around(
 
 def _settle(stack: Stack, start: Point, free_memory: bool, bounds: Bounds) -> tuple[Point, int]:
     """Walk down on all samples, then look ahead in δ1 for a lower valley behind a ripple."""
-    near = evaluate(stack, start.theta, start.weights, bounds)
+    near = evaluate(stack, start.theta, start.weights, start.offsets, bounds)
     best, passes = _descend(stack, near, free_memory, bounds, _FULL_BUDGET)
     ahead = best.theta.copy()
     ahead[0] *= _AHEAD if best.theta[0] > start.theta[0] else 1 / _AHEAD
     ahead[0] = np.clip(ahead[0], *bounds.delta1_V)
-    other = evaluate(stack, ahead, best.weights, bounds)
+    other = evaluate(stack, ahead, best.weights, best.offsets, bounds)
     evaluations = passes + 2
     if other.cost < _NEAR * best.cost:
         other, passes = _descend(stack, other, free_memory, bounds, _LOOK_BUDGET)
@@ -270,7 +284,7 @@ def grid_costs(
 ) -> list[float]:
     """Squared error (µm²) at each δ1 (V), the rest as given."""
     return [
-        project(gram_matrices(stack, n, delta1, delta2, extrema)[0], n, bounds)[2]
+        project(gram_matrices(stack, n, delta1, delta2, extrema)[0], np.zeros(n + 1), bounds)[2]
         for delta1 in deltas1
     ]
 
@@ -308,7 +322,7 @@ def scan_memory(stack: Stack, point: Point, bounds: Bounds) -> Point:
         signed = np.concatenate([-weights, [1.0]])
         costs = np.einsum("i,erij,j->er", signed, grams, signed)
         choice = costs.argmin(axis=0)
-        weights, _, _ = project(grams[choice, np.arange(records)], n, bounds)
+        weights, _, _ = project(grams[choice, np.arange(records)], np.zeros(n + 1), bounds)
     theta = np.concatenate([point.theta[:2], extrema[choice]])
     found = begin(stack, n, theta, bounds)
     return found if found.cost < point.cost else point

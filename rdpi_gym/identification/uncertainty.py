@@ -97,7 +97,7 @@ def standard_errors(
     information, scatter = np.zeros((size, size)), np.zeros((size, size))
     columns = np.empty((records, k + 3), dtype=np.int64)  # where tangents' columns stand in size
     for r in range(records):
-        part, _ = normal_equations(point.tangents[r : r + 1], point.weights)
+        part, _ = normal_equations(point.tangents[r : r + 1], point.weights - point.expected)
         place = np.r_[0, 1, 2 + r, 2 + records : size]
         information[np.ix_(place, place)] += part
         scatter[np.ix_(place, place)] += noise[r] * part

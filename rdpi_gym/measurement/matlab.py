@@ -24,7 +24,9 @@ from rdpi_gym.support.files import open_regular
 from rdpi_gym.support.npz import largest_expansion
 
 LIMIT_S = 8.0
-"""Seconds that a file may take, and one more for every 10 MiB of it."""
+"""Seconds of a processor that a file may take, and one more for every 10 MiB of it."""
+_PATIENCE = 10.0
+"""Seconds by the clock for each of a processor: other programs run as well."""
 _BYTES_PER_S = 10 * 2**20
 _HDF5_OFFSETS = (0, 512)  # MATLAB puts 512 bytes of its own before the HDF5 signature
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -96,20 +98,20 @@ class MatlabReader:
             "wanted": list(wanted),
             "largest": largest,
             "memory": 4 * largest,
+            "seconds": LIMIT_S + size / _BYTES_PER_S,
         }
         process = self._process = self._process or _start()
-        limit_s = LIMIT_S + size / _BYTES_PER_S
-        timer = Timer(limit_s, process.kill)
+        timer = Timer(_PATIENCE * request["seconds"], process.kill)
         timer.start()
         try:
             said, values = _ask(process, request, largest)
         except (OSError, EOFError, ValueError):
             in_time = timer.is_alive()
             self.close()
-            status = process.returncode
-            if not in_time:
-                raise ValueError(f"it is not read within {limit_s:.0f} s") from None
-            raise ValueError(f"it ends the program that reads it, {_cause(status)}") from None
+            cause = _cause(process.returncode)
+            if not in_time or cause == "SIGXCPU":
+                raise ValueError(f"it is not read within {request['seconds']:.0f} s") from None
+            raise ValueError(f"it ends the program that reads it, {cause}") from None
         finally:
             timer.cancel()
         if "refused" in said:

@@ -1,7 +1,7 @@
 """The program that reads MATLAB files for `rdpi_gym.measurement.matlab`, in a process of its own.
 
 Standard input has one request a line, JSON: ``path``, ``kind`` ("v5" or "hdf5"), ``wanted`` (names,
-that of the voltage first), ``largest`` and ``memory`` (bytes). The answer is a line of JSON, either
+that of the voltage first), ``largest`` and ``memory`` (bytes), ``seconds``. The answer is a line of JSON, either
 ``error`` (damaged), ``memory`` (it took more), ``refused`` (a sentence that begins with a variable's
 name), or ``names``, ``shapes`` and ``not_numbers``; the arrays of ``shapes`` follow as little-endian doubles. It imports
 nothing of this package, so that it starts quickly and whatever it is damaged by stays here.
@@ -13,6 +13,7 @@ import json
 import math
 import os
 import sys
+import time
 import warnings
 from typing import Any, BinaryIO
 
@@ -121,8 +122,8 @@ def _check(sizes: dict[str, int], present: list[str], largest: int) -> None:
             )
 
 
-def _limit_memory(more: int) -> None:
-    """Let this process take no more than so many bytes beyond what it has, where that can be said."""
+def _limit(memory: int, seconds: float) -> None:
+    """Let this process take no more than so much beyond what it has, where that can be said."""
     try:
         import resource
 
@@ -131,7 +132,11 @@ def _limit_memory(more: int) -> None:
     except (ImportError, OSError):
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
-    resource.setrlimit(resource.RLIMIT_AS, (now + more, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    resource.setrlimit(
+        resource.RLIMIT_AS, (now + memory, resource.getrlimit(resource.RLIMIT_AS)[1])
+    )
+    end_s = math.ceil(time.process_time() + seconds)
+    resource.setrlimit(resource.RLIMIT_CPU, (end_s, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
 
 def answer(request: dict[str, Any], replies: BinaryIO) -> None:
@@ -139,7 +144,7 @@ def answer(request: dict[str, Any], replies: BinaryIO) -> None:
     reader = read_v5 if request["kind"] == "v5" else read_hdf5
     arrays: Arrays = {}
     try:
-        _limit_memory(request["memory"])
+        _limit(request["memory"], request["seconds"])
         names, arrays = reader(request["path"], request["wanted"], request["largest"])
     except RefusedError as error:
         said: dict[str, Any] = {"refused": str(error)}

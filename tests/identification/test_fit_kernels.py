@@ -49,6 +49,7 @@ def weighted_gram(stack, r, columns):
 DELTA1, DELTA2 = 0.7, 3e-4
 EXTREMA = np.array([2.5, -8.0])
 WEIGHTS = np.array([0.6, 0.3, 0.2, 0.1, 0.0, 0.4])
+OFFSETS = np.array([0.3, -20.0])
 
 
 def test_gram_matrices_are_products_of_the_play_columns():
@@ -64,9 +65,10 @@ def test_gram_matrices_are_products_of_the_play_columns():
 
 def test_tangents_are_the_derivatives_of_the_displacement():
     stack = make_stack()
-    tangents, _ = tangent_matrices(stack, DELTA1, DELTA2, EXTREMA, WEIGHTS)
+    tangents, means = tangent_matrices(stack, DELTA1, DELTA2, EXTREMA, WEIGHTS, OFFSETS)
     gram, _ = gram_matrices(stack, N_PLAYS, DELTA1, DELTA2, EXTREMA)
-    assert tangents[:, : N_PLAYS + 2, : N_PLAYS + 2] == pytest.approx(gram, rel=1e-9, abs=1e-8)
+    n = N_PLAYS + 1
+    assert tangents[:, :n, :n] == pytest.approx(gram[:, :n, :n], rel=1e-9, abs=1e-8)
     for r in range(2):
         point = np.array([DELTA1, DELTA2, EXTREMA[r]])
         derivatives = []
@@ -76,14 +78,12 @@ def test_tangents_are_the_derivatives_of_the_displacement():
             down[k] -= step
             change = regressors(stack, r, *up) - regressors(stack, r, *down)
             derivatives.append(WEIGHTS @ change / (2 * step))
-        columns = np.vstack(
-            [
-                regressors(stack, r, *point),
-                stack.y_um[stack.record(r)],
-                *derivatives,
-            ]
-        )
+        part, own = stack.record(r), regressors(stack, r, *point)
+        left = stack.y_um[part] - OFFSETS[r] - WEIGHTS @ own
+        columns = np.vstack([own, left, *derivatives])
         assert tangents[r] == pytest.approx(weighted_gram(stack, r, columns), rel=1e-4, abs=1e-3)
+        average = np.average(left, weights=stack.root_weight[part] ** 2)
+        assert means[r, N_PLAYS + 1] == pytest.approx(average, abs=1e-10)
         assert tangents[r, -1, -1] > 0.1  # the extremum matters in this test
 
 

@@ -55,13 +55,25 @@ def test_after_a_crash_the_next_file_is_read(crashing) -> None:
         np.testing.assert_array_equal(reader.read(whole, ["u"]).values["u"].ravel(), COLUMNS["u"])
 
 
-def test_a_matlab_file_that_takes_too_long_is_given_up(tmp_path, refusal, monkeypatch) -> None:
-    def sleeper() -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-c", "import time; time.sleep(60)"]
+WAITING = "import time; time.sleep(60)"
+WORKING = """
+from rdpi_gym.measurement import matlab_child as child
+child.read_v5 = lambda *_: all(iter(lambda: 1, 0))
+child.main()
+"""
+
+
+@over("program, limit_s, patience", [(WAITING, 0.2, 1.0), (WORKING, 0.2, 1e3)])
+def test_a_matlab_file_that_takes_too_long_is_given_up(
+    program, limit_s, patience, tmp_path, refusal, monkeypatch
+) -> None:
+    def start() -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-c", program]
         return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
-    monkeypatch.setattr(matlab, "_start", sleeper)
-    monkeypatch.setattr(matlab, "LIMIT_S", 0.2)
+    monkeypatch.setattr(matlab, "_start", start)
+    monkeypatch.setattr(matlab, "LIMIT_S", limit_s)
+    monkeypatch.setattr(matlab, "_PATIENCE", patience)
     savemat(tmp_path / "run.mat", COLUMNS)
     assert "(it is not read within 0 s)" in refusal(tmp_path / "run.mat")
 
