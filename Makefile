@@ -1,5 +1,5 @@
 # Two commands: `make bench` scores the paper's compensators and the leaders, `make test` checks the package.
-# `make bench-full` scores every controller; `make test-all` adds the types and the second tier: pages, browser,
+# `make bench-full` scores every controller; `make test-all` adds the second tier: types, pages, browser,
 # other compilers, training, studies. `make docs` builds the site.
 PYTHON ?= python3
 BIN := .venv/bin
@@ -36,7 +36,6 @@ test: .venv/.dev
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --durations=30 tests
 
 test-all: test
-	$(BIN)/mypy
 	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations=60
 
 # Style, types, floors and the laws of the lower rooms: less than a minute once kernels are compiled.

@@ -43,9 +43,18 @@ SECOND_TIER = (
     "firmware/writing/test_fmu.py",
     "firmware/writing/test_package.py",
     "test_contributing.py",  # a copy of the checkout
+    "test_types.py",
     "test_wheel.py",
 )
 """Files and folders of the second tier, relative to the tests."""
+
+BEGUN_FIRST = (
+    "test_contributing.py",
+    "test_types.py",
+    "fuzz",
+    "laboratory/test_end_to_end.py",
+)
+"""Those whose tests take longest: begun last, one would end long after the other process."""
 
 MAY_SKIP = (
     "h-infinity",  # slycot, of the extra robust alone
@@ -60,11 +69,15 @@ settings.register_profile("default", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 
+def _lies_in(item: pytest.Item, paths: tuple[str, ...]) -> bool:
+    return any(item.path.is_relative_to(TESTS / path) for path in paths)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    slow = [TESTS / path for path in SECOND_TIER]
     for item in items:
-        if isinstance(item, pytest.DoctestItem) or any(map(item.path.is_relative_to, slow)):
+        if isinstance(item, pytest.DoctestItem) or _lies_in(item, SECOND_TIER):
             item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: not _lies_in(item, BEGUN_FIRST))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
