@@ -92,16 +92,17 @@ class MatlabReader:
             size = os.fstat(stream.fileno()).st_size
         is_hdf5 = any(head[k : k + len(_HDF5_SIGNATURE)] == _HDF5_SIGNATURE for k in _HDF5_OFFSETS)
         largest = largest_expansion(size)
+        seconds = LIMIT_S + size / _BYTES_PER_S
         request = {
             "path": str(path.absolute()),
             "kind": "hdf5" if is_hdf5 else "v5",
             "wanted": list(wanted),
             "largest": largest,
             "memory": 4 * largest,
-            "seconds": LIMIT_S + size / _BYTES_PER_S,
+            "seconds": seconds,
         }
         process = self._process = self._process or _start()
-        timer = Timer(_PATIENCE * request["seconds"], process.kill)
+        timer = Timer(_PATIENCE * seconds, process.kill)
         timer.start()
         try:
             said, values = _ask(process, request, largest)
@@ -110,7 +111,7 @@ class MatlabReader:
             self.close()
             cause = _cause(process.returncode)
             if not in_time or cause == "SIGXCPU":
-                raise ValueError(f"it is not read within {request['seconds']:.0f} s") from None
+                raise ValueError(f"it is not read within {seconds:.0f} s") from None
             raise ValueError(f"it ends the program that reads it, {cause}") from None
         finally:
             timer.cancel()
