@@ -33,7 +33,7 @@ def drawn():
     Its sensor has no steps: in a loop a reading at the border of one falls either way for the last digit.
     """
     nominal = replace(STAGE.nominal(), sensor=Sensor(noise_um=0.01))
-    task = replace(STAGE, samples=2000, nominals=(nominal,), beliefs=(STAGE.belief(),))
+    task = replace(STAGE, samples=1300, nominals=(nominal,), beliefs=(STAGE.belief(),))
     return student_lanes(task, "validation", [0], 0)
 
 
