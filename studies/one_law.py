@@ -280,7 +280,7 @@ def _explained(variant: Variant[Core], record: Record) -> float:
 def _held(names: Sequence[Sequence[str]]) -> str:
     """Say which names all splits have, and how many have each of the others."""
     sets = [{name.split()[0] for name in each} for each in names]
-    counts = Counter(name for each in sets for name in each)
+    counts = Counter(sorted(name for each in sets for name in each))
     every = [name for name, count in counts.items() if count == len(sets)]
     some = [f"{name} {count}/{len(sets)}" for name, count in counts.items() if count < len(sets)]
     return ", ".join([*every, *some]) or "nothing"
@@ -396,7 +396,7 @@ def _trial_files(chosen: Namespace, part: Literal["measured", "long"]) -> Files:
         frame = pd.DataFrame([{c: row.get(c) for c in columns} for row in rows])
         frame = frame.rename(columns={"way": "samples", "seconds": "processor s"})
         title = "Long records and short ones: what is hidden, named, left (µm), and processor time."
-    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `python -m studies.one_law --part {part}`. {title}\n\n"
+    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `python -m studies.one_law --part {part} --searches {chosen.searches}`. {title}\n\n"
     return {
         f"{part}.csv": frame,
         f"{part}.md": f"{text}{frame_table(frame, digits=3, rule='plain')}\n",

@@ -80,7 +80,9 @@ class Beam:
         noise_um = self.evidence.floor_um(least.lefts)
         variant = Variant(least.model.core, least.model.effects)
         here = self.evidence.mended(least.model.clocks)
-        floor_um = math.hypot(noise_um, numerical_floor(variant, here.validation).borne_um)
+        # what a set leaves bounds what the simulation leaves open
+        borne_um = min(numerical_floor(variant, here.validation).borne_um, least.rmse_um)
+        floor_um = math.hypot(noise_um, borne_um)
         return Scores(tuple(sets), Blocks.of(least.lefts), noise_um, floor_um, self.seed)
 
     def accept(self, found: Sequence[Visited], scores: Scores) -> None:
