@@ -47,7 +47,7 @@ NEGLIGIBLE = 1e-3
 """Size of these in the simple model, which has the belief's own hysteresis."""
 TRIES = 3
 """Commands that are tried for one sample: each is on the chord of the two before."""
-LEAST_SLOPE, LARGEST_SLOPE = 0.3, 3.0
+LEAST_SLOPE, LARGEST_SLOPE = 0.6, 2.0
 """Bounds of a chord's slope, over the belief's smallest and largest gain."""
 
 
@@ -110,7 +110,7 @@ class CoreBank:
         self._place = (scale, own_range[0] - scale * low, 0.5 * (low + high), 0.5 * (high - low))
         self.thresholds_V = tuple(part * (high - low) for part in THRESHOLDS)
         self.count = len(self.cores) + len(POWERS) + len(THRESHOLDS)
-        self.slopes = (LEAST_SLOPE * core.a0, core.A, LARGEST_SLOPE * core.A)
+        self.slopes = (LEAST_SLOPE * core.A, core.A, LARGEST_SLOPE * core.A)
         counts = {f"member_{i}": 2 + each.n for i, each in enumerate([core, *self.cores])}
         self.rows = Rows(
             last_V=1,
@@ -294,17 +294,18 @@ class BankFeedforward(CorrectedAdaptive):
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
-        believed = self.fit.spread
-        self.known = len(believed)
-        simple, mixed = believed.copy(), believed.copy()
-        simple[HYSTERETIC] *= NEGLIGIBLE
-        mixed[3:] *= STATIC_SHARE
+        believed, self.known = self.fit.spread, len(self.fit.spread)
+        static = np.array([*believed[:3], *(STATIC_SHARE * believed[3:])])
+        simple = [i for i in range(self.known) if not HYSTERETIC.start <= i < HYSTERETIC.stop]
+        others = [i for i in range(self.known + self.bank.count) if i not in simple]
         self.fit = NestedLeastSquares(
             [*self.fit.prior, *[0.0] * self.bank.count],
-            [simple, believed, [*mixed, *self.bank.spreads()]],
+            [*static, *self.bank.spreads()],
+            [len(simple), self.known, self.known + self.bank.count],
             noise=self.settings["doubt"] * layout.scale_um,
             memory_s=self.settings["memory_s"],
             ts_s=layout.ts_s,
+            order=[*simple, *others],
         )
         self.rows = Rows(**{**self.rows.counts, "wanted": 0, "last_V": 0, "fit": self.fit.rows})
 

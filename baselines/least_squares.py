@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from baselines.base import Rows
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
@@ -199,106 +200,168 @@ LEAST_ERROR = 0.02
 """Error of prediction, over the noise, below which models are not told apart."""
 
 
-class NestedLeastSquares(ForgettingLeastSquares):
-    """Estimates of nested models on the same sums, weighed by how well each predicts.
+class NestedLeastSquares:
+    """Least squares of nested models by one triangular factor, weighed by how well each predicts.
 
-    Model m has the first of the coefficients, with spreads of its own; its others are zero. It predicts
-    each sample before it is taken in; its weight is one over the fourth power of the mean square of
-    what it misses. Where a small model is enough, what a large one makes of noise has no weight.
+    θ minimises what :class:`ForgettingLeastSquares` does, but its sums are never squared: the factor
+    D, R of R' D R, R unit triangular, takes a sample in by rotations without square roots, so it
+    keeps the digits that normal equations lose. Forgetting leads back to the prior: as D decays by λ,
+    a row of the prior is taken in at every sample, each in turn.
+
+    Model m has the first of the coefficients in `order`, `sizes[m]` of them; its others are zero.
+    Rotations pass its error of predicting the sample on the way. Its weight is one over the fourth
+    power of the mean square of these. Where a small model is enough, what a large one makes of noise
+    has no weight.
 
     Examples
     --------
-    >>> fit = NestedLeastSquares([0.0, 0.0], [[1.0], [1.0, 1.0]], 0.01, memory_s=1.0, ts_s=0.01)
+    >>> fit = NestedLeastSquares([0.0, 0.0], [1.0, 1.0], [1, 2], 0.01, memory_s=1.0, ts_s=0.01)
     >>> memory, rng = fit.start(lanes=1), np.random.default_rng(0)
     >>> for x in rng.normal(size=(100, 2, 1)):
     ...     fit.learn(memory, x, 2.0 * x[0] - x[1], np.array([True]))
     >>> fit.theta(memory)[:, 0].round(2).tolist()
     [2.0, -1.0]
+
+    Notes
+    -----
+    Gentleman, J. Inst. Maths Applics 12, 1973; Miller, Applied Statistics AS 274, 1992.
     """
 
     def __init__(
         self,
         prior: ArrayLike,
-        spreads: Sequence[ArrayLike],
+        spread: ArrayLike,
+        sizes: Sequence[int],
         noise: float,
         memory_s: float,
         ts_s: float,
+        order: Sequence[int] | None = None,
     ) -> None:
-        super().__init__(prior, spreads[-1], noise, memory_s, ts_s)
-        self._precisions = [(noise / np.asarray(each, dtype=np.float64)) ** 2 for each in spreads]
-        self._pulls = [each * self.prior[: len(each)] for each in self._precisions]
-        self._first = 1 + self.size * (self.size + 1) // 2 + self.size
-        self._end = self._first + len(spreads) * self.size
+        prior, spread = (np.asarray(each, dtype=np.float64) for each in (prior, spread))
+        size = self.size = len(prior)
+        self._order = np.arange(size) if order is None else np.asarray(order)
+        self._place = np.argsort(self._order)
+        self.prior, self.spread, self.sizes = prior, spread, tuple(sizes)
+        self._prior = prior[self._order][:, None]
+        self._precision = (noise / spread[self._order][:, None]) ** 2
+        self.kept = math.exp(-ts_s / memory_s)
         self._share, self._least_um2 = -math.expm1(-ts_s / JUDGED_S), (LEAST_ERROR * noise) ** 2
-        self.rows = self._end + len(spreads) + self.size
+        self._of = Rows(count=2, factor=size * (size + 3) // 2, errors=len(sizes), theta=size)
+        self.rows = self._of.total
 
     def start(self, lanes: int) -> Array:
         """Return the memory of lanes that have seen nothing, float64[rows, lanes]."""
-        memory = super().start(lanes)
-        for i, precision in enumerate(self._precisions):
-            self._of(memory, i)[: len(precision)] = self.prior[: len(precision), None]
+        memory = np.zeros((self.rows, lanes))
+        factor = self._of.of(memory, "factor")
+        factor[: self.size] = self._precision
+        factor[self.size : 2 * self.size] = self._prior
+        self._of.of(memory, "theta")[:] = self._prior
         return memory
 
-    def _of(self, memory: Array, model: int) -> Array:
-        return memory[self._first + model * self.size : self._first + (model + 1) * self.size]
+    def theta(self, memory: Array) -> Array:
+        """Return the estimate, float64[F, B]."""
+        found: Array = self._of.of(memory, "theta")[self._place]
+        return found
 
     def learn(self, memory: Array, phi: Array, z: Array, counts: NDArray[np.bool_]) -> None:
         """Judge the models by one sample, take it in, and solve where the turn has come."""
-        estimates, errors = memory[self._first : self._end], memory[self._end : -self.size]
-        _judge(estimates, phi, z, counts, self._share, errors)
-        due = _take_in(memory, phi, z, counts, self.kept)
-        for i, (precision, pull) in enumerate(zip(self._precisions, self._pulls, strict=True)):
-            own = self._of(memory, i)[: len(precision)]
-            _solve(memory, due, precision, pull, self.size, own)
-        _weigh(estimates, errors, self._least_um2, self.theta(memory))
+        count, factor, errors, theta = (
+            self._of.of(memory, name) for name in ("count", "factor", "errors", "theta")
+        )
+        self.unlearn(memory, np.where(counts, self.kept, 1.0))
+        missed = phi[self._order]
+        _rotate(factor, missed, z.copy(), np.where(counts, 1.0, 0.0))
+        for m, size in enumerate(self.sizes):
+            errors[m] += np.where(counts, self._share, 0.0) * (missed[size - 1] ** 2 - errors[m])
+        due = _due(count[1], counts)
+        if not due.any():
+            return
+        weights = 1.0 / (errors + self._least_um2)
+        weights *= weights
+        weights *= weights
+        weights /= weights.sum(axis=0)
+        theta[:] = np.where(due, 0.0, theta)
+        for m, size in enumerate(self.sizes):
+            _add_solution(factor, due, weights[m], size, theta)
 
     def unlearn(self, memory: Array, share: Array) -> None:
-        """Keep a share ``(B,)`` of what was learned and move every estimate to the prior alike, in place."""
-        if (share == 1.0).all():
-            return
-        memory[1 : self._end] *= share
-        for i, precision in enumerate(self._precisions):
-            own = self._of(memory, i)[: len(precision)]
-            own += (1.0 - share) * self.prior[: len(precision), None]
-        theta = self.theta(memory)
-        theta *= share
-        theta += (1.0 - share) * self.prior[:, None]
+        """Keep a share ``(B,)`` of what was learned, and as much less of the prior in turn, in place."""
+        count, factor = self._of.of(memory, "count"), self._of.of(memory, "factor")
+        _forget(factor, share, self._precision, self._prior, count)
 
 
 @njit(cache=True)
-def _judge(
-    estimates: Array,
-    phi: Array,
-    z: Array,
-    counts: NDArray[np.bool_],
-    share: float,
-    errors: Array,
+def _row(size: int, i: int) -> int:
+    """Row of a factor in which r_ik stands, less k."""
+    return 2 * size + i * (2 * size - i - 1) // 2 - i - 1
+
+
+@njit(cache=True)
+def _rotate(factor: Array, x: Array, z: Array, weight: Array) -> None:
+    """Take a row of equations and its right side in; what of the right side each column leaves stays in x."""
+    size, lanes = x.shape
+    gain = np.empty(lanes)
+    for i in range(size):
+        moves = False
+        for b in range(lanes):
+            pivot = factor[i, b] + weight[b] * x[i, b] * x[i, b]
+            gain[b] = weight[b] * x[i, b] / pivot
+            weight[b] *= factor[i, b] / pivot
+            factor[i, b] = pivot
+            z[b] -= x[i, b] * factor[size + i, b]
+            factor[size + i, b] += gain[b] * z[b]
+            moves = moves or x[i, b] != 0.0
+        if moves:
+            row = _row(size, i)
+            for k in range(i + 1, size):
+                for b in range(lanes):
+                    x[k, b] -= x[i, b] * factor[row + k, b]
+                    factor[row + k, b] += gain[b] * x[k, b]
+        for b in range(lanes):
+            x[i, b] = z[b]
+
+
+@njit(cache=True)
+def _forget(factor: Array, kept: Array, precision: Array, prior: Array, count: Array) -> None:
+    """Keep a share of what is known, and take in the row of the prior whose turn it is."""
+    size, lanes = precision.shape[0], factor.shape[1]
+    x, z, weight = np.zeros((size, lanes)), np.zeros(lanes), np.zeros(lanes)
+    moves = False
+    for b in range(lanes):
+        if kept[b] < 1.0:
+            moves = True
+            turn = int(count[0, b])
+            share = max(kept[b], 1.0 - 1.0 / size)
+            for i in range(size):
+                factor[i, b] *= share
+            x[turn, b], z[b] = 1.0, prior[turn, 0]
+            weight[b] = size * (1.0 - share) * precision[turn, 0]
+            count[0, b] = (turn + 1) % size
+    if moves:
+        _rotate(factor, x, z, weight)
+
+
+@njit(cache=True)
+def _due(count: Array, counts: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Count samples; return where the turn to solve has come."""
+    due = np.zeros(len(counts), dtype=np.bool_)
+    for b in range(len(counts)):
+        count[b] += 1.0 if counts[b] else 0.0
+        due[b] = counts[b] and count[b] % SOLVE_EVERY == 0.0
+    return due
+
+
+@njit(cache=True)
+def _add_solution(
+    factor: Array, due: NDArray[np.bool_], weight: Array, last: int, theta: Array
 ) -> None:
-    """Move the mean squares of what the models miss on by one sample."""
-    size = phi.shape[0]
-    for m in range(errors.shape[0]):
-        for lane in range(phi.shape[1]):
-            missed = z[lane]
-            for i in range(size):
-                missed -= estimates[m * size + i, lane] * phi[i, lane]
-            if counts[lane]:
-                errors[m, lane] += share * (missed * missed - errors[m, lane])
-
-
-@njit(cache=True)
-def _weigh(estimates: Array, errors: Array, least: float, theta: Array) -> None:
-    """Fill the mean of the estimates, each weighed by one over the fourth power of its mean square."""
-    size, models = theta.shape[0], errors.shape[0]
-    for lane in range(theta.shape[1]):
-        total = 0.0
-        for i in range(size):
-            theta[i, lane] = 0.0
-        for m in range(models):
-            weight = 1.0 / (errors[m, lane] + least)
-            weight *= weight
-            weight *= weight
-            total += weight
-            for i in range(size):
-                theta[i, lane] += weight * estimates[m * size + i, lane]
-        for i in range(size):
-            theta[i, lane] /= total
+    """Add the weighed solution of the first coefficients to the lanes that are due."""
+    size = theta.shape[0]
+    solved = np.empty(size)
+    for b in np.flatnonzero(due):
+        for i in range(last - 1, -1, -1):
+            row = _row(size, i)
+            solved[i] = factor[size + i, b]
+            for k in range(i + 1, last):
+                solved[i] -= factor[row + k, b] * solved[k]
+            theta[i, b] += weight[b] * solved[i]
