@@ -66,11 +66,11 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     """Rank the controllers on one task.
 
     A plant on which a controller failed counts with its RMSE or :data:`~benchmarks.stages.run.WORST_PERCENT`,
-    whichever is more. Of two controllers the one that failed on fewer plants is ahead; then that with
-    the smaller 90th percentile, where the paired bootstrap of the difference over the plants excludes
-    zero; then that with the smaller interquartile mean, where it does; else they tie. The rank is one
-    more than the number of those that are ahead. Controllers that are given the whole reference, and
-    the bound, have no rank.
+    whichever is more. Of two controllers the one that failed on a smaller share of the plants is ahead,
+    where the paired bootstrap of the difference over the plants excludes zero; then that with the
+    smaller 90th percentile, where it does; then that with the smaller interquartile mean, likewise;
+    else they tie. The rank is one more than the number of those that are ahead. Controllers that are
+    given the whole reference, and the bound, have no rank.
     """
     table = pd.DataFrame(list(rows))
     numbers = sorted(table["plant"].unique())
@@ -79,6 +79,7 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     rng = np.random.default_rng(0)
     picked = rng.integers(len(numbers), size=(RESAMPLES, len(numbers)))
     drawn = {
+        "failed": fails[:, picked].mean(axis=-1),
         "p90": ninetieth(errors[:, picked]),
         "iqm": interquartile_mean(errors[:, picked]),
     }
@@ -102,10 +103,11 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     is_rival = ~beside & (ranked["sees"] == PREVIEW)
     rivals: list[int] = np.flatnonzero(is_rival).tolist()
     behind = np.array(
-        [[_is_behind(fails, drawn, a, b) for b in rivals] for a in rivals], dtype=np.bool_
-    ).reshape(len(rivals), len(rivals))
-    ahead = behind.sum(axis=1)
-    last = len(rivals) - behind.sum(axis=0)
+        [[_is_behind(drawn, a, b) for b in rivals] for a in range(len(names))], dtype=np.bool_
+    ).reshape(len(names), len(rivals))
+    ranked["order"] = behind.sum(axis=1)
+    ahead = ranked["order"].to_numpy()[rivals]
+    last = len(rivals) - behind[rivals].sum(axis=0)
     labels = {name: entry.label for name, entry in BESIDE.items()}
     ranked["rank"] = ranked["controller"].map(labels).fillna(ranked["sees"])
     ranked["iqm_information"] = ranked["iqm_percent"] / _iqm_of(ranked, INFORMATION)
@@ -115,11 +117,8 @@ def ranking(rows: Sequence[Row]) -> pd.DataFrame:
     for i, best, worst in zip(rivals, (ahead + 1).tolist(), last.tolist(), strict=True):
         ranked.loc[i, "rank"] = f"{best}{'=' if best < worst else ''}"
         ranked.loc[i, "places"] = f"{best} to {worst}" if best < worst else f"{best}"
-    # what has no rank stands where its figures put it
-    ranked["order"] = 0.0
-    ranked.loc[rivals, "order"] = ahead
     figures = ["failed", "p90_percent", "iqm_percent"]
-    ranked = ranked.sort_values(["failed", "order", *figures[1:]], kind="stable", ignore_index=True)
+    ranked = ranked.sort_values(["order", *figures], kind="stable", ignore_index=True)
     return ranked[list(COLUMNS)]
 
 
@@ -145,11 +144,8 @@ def _ends(drawn: Array) -> Array:
     return np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=-1)
 
 
-def _is_behind(fails: Array, drawn: dict[str, Array], a: int, b: int) -> bool:
+def _is_behind(drawn: dict[str, Array], a: int, b: int) -> bool:
     """Whether one controller is behind another by the first figure that tells them apart."""
-    more = float(fails[a].sum() - fails[b].sum())
-    if more:
-        return more > 0.0
     for each in drawn.values():
         low, high = _ends(each[a] - each[b])
         if low > 0.0 or high < 0.0:
@@ -208,7 +204,7 @@ METHOD = f"""\
 - **Score of a plant.** Mean over its references of the RMSE in percent of the reference's peak to peak, of the displacement without the sensor's noise, over the samples that the task scores.
 - **Failed.** Share of the plants on which, with any reference, the error was larger than that of standing still or above {WORST_PERCENT:g} %, more than {SATURATED_PERCENT:g} % of the actions lay at the end of the command's range, the controller raised an error or answered with NaN, or one decision took more than {SLOWEST_US:g} µs of processor time. Such a plant counts with {WORST_PERCENT:g} % at least.
 - **p90, IQM.** 90th percentile over the plants, and mean of their middle half; in brackets the {100 * CONFIDENCE:g} % interval of a bootstrap over the plants.
-- **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants; of equals there, those with a smaller p90, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
+- **Rank.** One more than the number of controllers that are ahead for sure: those that failed on fewer plants, where the paired bootstrap of the difference excludes zero; of equals there, those with a smaller p90, likewise; of equals there, those with a smaller IQM, likewise. `=` marks a rank that is tied with another controller's.
 - **Over noise, over information.** IQM in units of the sensor's noise (rms), and over that of `{INFORMATION}`.
 - **Beside the ranking.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error. `{RIGHT_KIND}` is `adaptive-dual-loop` told the nominal plant of the right kind, on tasks where others believe another kind. `{INFORMATION}` is the information bound: it is told of which distribution the plant was drawn, estimates it from the readings of the episode alone, and inverts the estimate like the first.
 - **†.** IQM within {100 * (NEAR_BOUND - 1):.0f} % of `{HORIZON_BOUND}`: closer than a controller that does not know the plant is expected to come.

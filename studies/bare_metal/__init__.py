@@ -46,6 +46,10 @@ BOARDS: Mapping[str, Board] = {
         "Cortex-M4F", "mps2-an386",
         ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"), "4M", "4M", 25_000_000,
     ),
+    "M7": Board(
+        "Cortex-M7", "mps2-an500",
+        ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"), "4M", "4M", 25_000_000,
+    ),
     "M0+": Board(
         "Cortex-M0+", "microbit", ("-mcpu=cortex-m0plus", "-mthumb"), "256K", "16K", 16_000_000
     ),

@@ -88,6 +88,22 @@ def test_a_draw_that_is_none_is_refused_in_one_line(split, number, said):
         TASKS["Bare"].draw(split, number)
 
 
+@over("name", ["Load", "Rough", "Raster"])
+def test_a_longer_episode_begins_as_a_short_one(name):
+    task, commands = TASKS[name], np.random.default_rng(0).uniform(-20.0, 20.0, (400, 1))
+    found = []
+    for samples in (task.samples, 4000):
+        (lanes,) = task.lanes("validation", 1, samples=samples)
+        assert len(lanes.references_um) == samples
+        tracked = lanes.track(lanes.layout())
+        tracked.reset(lanes.references_um, lanes.noises)
+        count = lanes.references_um.shape[1]
+        shown = [tracked.step(np.repeat(u, count)).copy() for u in commands]
+        found.append((shown, lanes.references_um[: task.samples - 8]))
+    for short, long in zip(*found, strict=True):
+        np.testing.assert_array_equal(short, long)
+
+
 def test_an_id_with_a_typing_error_is_answered_with_what_was_meant():
     with pytest.raises(InputError, match="did you mean 'Preisach'"):
         named_task("Preisac")

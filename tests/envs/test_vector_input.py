@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rdpi_gym.envs.draw_laws import DrawLaw
 from rdpi_gym.envs.vector import PiezoTrackingVectorEnv
+from rdpi_gym.envs.vector.plants import glides_of, wear_of
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.errors import InputError
@@ -41,6 +43,16 @@ def refused(call, *args, **keywords):
 )
 def test_keywords(keywords, expected):
     assert expected in refused(PiezoTrackingVectorEnv, **keywords)
+
+
+@over("law", [{"ageing": lambda model, rng: model}, {"schedule": lambda model, rng: [(0, model)]}])
+def test_a_law_that_is_a_function_is_refused_where_lanes_would_share_it(law):
+    (word,) = law
+    drawn = DrawLaw((named_plant("P5"),), **law)
+    read = {"ageing": lambda: wear_of(drawn), "schedule": lambda: glides_of(drawn, None, 2)}
+    line = refused(read[word])
+    assert line.startswith(f"{word} <function ")
+    assert "is a function, which lanes cannot share; give a " in line
 
 
 def test_an_unknown_keyword_is_named():

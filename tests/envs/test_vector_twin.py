@@ -91,6 +91,28 @@ def largest_difference(lanes, steps, episode, seed=7, **keywords):
     return worst
 
 
+@over("name", ["Load", "Ageing", "Measured"])
+def test_privileged_values_of_lanes_are_those_of_single_environments(name):
+    """Of plants that change within an episode, that were worn before it, and of six kinds; over a reset."""
+    task = {"id": f"rdpi_gym/Piezo{name}-v0", "privileged": True, "max_episode_steps": 60}
+    envs = gym.make_vec(
+        task.pop("id"), num_envs=3, vector_kwargs={"autoreset_mode": "SameStep"}, **task
+    )
+    singles = [gym.make(f"rdpi_gym/Piezo{name}-v0", **task) for _ in range(3)]
+    found = [envs.reset(seed=3)[1]["privileged"]]
+    expected = [[env.reset(seed=3 + lane)[1]["privileged"] for lane, env in enumerate(singles)]]
+    for _ in range(90):
+        found.append(envs.step(np.zeros((3, 1), np.float32))[4]["privileged"])
+        now = []
+        for env in singles:
+            _, _, _, over_now, info = env.step(np.zeros(1, np.float32))
+            now.append((env.reset()[1] if over_now else info)["privileged"])
+        expected.append(now)
+    assert len(singles[0].unwrapped.latents) == np.shape(found)[-1]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert np.ptp(found, axis=0).any()
+
+
 def test_lanes_that_are_given_other_references_on_the_way():
     """Kernels that had sines alone take up multisines of more lines, and a signal that Python samples."""
     envs = PiezoTrackingVectorEnv(3, plant="P5", max_episode_steps=None, noise_um=0.01)
