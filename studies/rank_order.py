@@ -65,8 +65,8 @@ def report(lines: Sequence[dict[str, object]], draws: int, seed: int) -> str:
                 "# Is the order of controllers that of other plants, too?",
                 f"Written by `python -m studies.rank_order --tasks {','.join(table['task'])} --draws {draws} --seed {seed}`: "
                 f"Spearman's correlation of the ranks of all rivals on {draws} public test draws and on {draws} of seed {seed}, "
-                f"at least {low:.3g}, and on the halves of the first set. `{HORIZON_BOUND}` does not count. Failures decide first, so "
-                "where a few plants in a hundred make some loops diverge, a half that holds none of them has another order.",
+                f"at least {low:.3g}, and on the halves of the first set. `{HORIZON_BOUND}` does not count. Failures decide first, "
+                "where they differ for sure: a few plants in a hundred that make some loops diverge do not.",
                 frame_table(table),
             ]
         )

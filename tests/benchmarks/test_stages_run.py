@@ -209,6 +209,16 @@ def test_the_worst_tenth_counts_before_the_middle_half():
     assert rank_correlation(rows_of({"a": steady, "b": 2 * steady, "c": risky + 9})) == 1.0
 
 
+def test_failures_decide_a_rank_where_they_differ_for_sure():
+    steady = 1.0 + 0.01 * np.random.default_rng(0).random(40)
+    rows = rows_of({"first": steady, "second": 2.0 * steady, "third": 3.0 * steady})
+    for failed, order in ((1, ["1", "2", "3"]), (20, ["3", "1", "2"])):
+        own = {"failure": "diverged on 1 sine"}
+        some = [r | own if r["controller"] == "first" and r["plant"] < failed else r for r in rows]
+        found = ranking(some).set_index("controller")["rank"]
+        assert found[["first", "second", "third"]].tolist() == order
+
+
 def test_the_users_own_controller_is_in_the_tables_wherever_it_stands(tmp_path):
     others = [name for name in field() if name != "none"][:9]
     errors = {name: np.full(4, 1.0 + k) for k, name in enumerate([*others, "mine:make", "none"])}

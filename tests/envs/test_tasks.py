@@ -88,7 +88,7 @@ def test_a_draw_that_is_none_is_refused_in_one_line(split, number, said):
         TASKS["Bare"].draw(split, number)
 
 
-@over("name", ["Load", "Rough", "Raster"])
+@over("name", ["Load", "Rough"])
 def test_a_longer_episode_begins_as_a_short_one(name):
     task, commands = TASKS[name], np.random.default_rng(0).uniform(-20.0, 20.0, (400, 1))
     found = []

@@ -95,10 +95,8 @@ def largest_difference(lanes, steps, episode, seed=7, **keywords):
 def test_privileged_values_of_lanes_are_those_of_single_environments(name):
     """Of plants that change within an episode, that were worn before it, and of six kinds; over a reset."""
     task = {"id": f"rdpi_gym/Piezo{name}-v0", "privileged": True, "max_episode_steps": 60}
-    envs = gym.make_vec(
-        task.pop("id"), num_envs=3, vector_kwargs={"autoreset_mode": "SameStep"}, **task
-    )
-    singles = [gym.make(f"rdpi_gym/Piezo{name}-v0", **task) for _ in range(3)]
+    envs = gym.make_vec(num_envs=3, autoreset_mode="SameStep", **task)
+    singles = [gym.make(**task) for _ in range(3)]
     found = [envs.reset(seed=3)[1]["privileged"]]
     expected = [[env.reset(seed=3 + lane)[1]["privileged"] for lane, env in enumerate(singles)]]
     for _ in range(90):
