@@ -200,7 +200,7 @@ LEAST_ERROR = 0.02
 """Error of prediction, over the noise, below which models are not told apart."""
 
 
-class NestedLeastSquares:
+class NestedLeastSquares(ForgettingLeastSquares):
     """Least squares of nested models by one triangular factor, weighed by how well each predicts.
 
     θ minimises what :class:`ForgettingLeastSquares` does, but its sums are never squared: the factor
@@ -237,14 +237,13 @@ class NestedLeastSquares:
         ts_s: float,
         order: Sequence[int] | None = None,
     ) -> None:
-        prior, spread = (np.asarray(each, dtype=np.float64) for each in (prior, spread))
-        size = self.size = len(prior)
+        super().__init__(prior, spread, noise, memory_s, ts_s)
+        size = self.size
         self._order = np.arange(size) if order is None else np.asarray(order)
         self._place = np.argsort(self._order)
-        self.prior, self.spread, self.sizes = prior, spread, tuple(sizes)
-        self._prior = prior[self._order][:, None]
-        self._precision = (noise / spread[self._order][:, None]) ** 2
-        self.kept = math.exp(-ts_s / memory_s)
+        self.sizes = tuple(sizes)
+        self._prior = self.prior[self._order][:, None]
+        self._precision = self.precision[self._order][:, None]
         self._share, self._least_um2 = -math.expm1(-ts_s / JUDGED_S), (LEAST_ERROR * noise) ** 2
         self._of = Rows(count=2, factor=size * (size + 3) // 2, errors=len(sizes), theta=size)
         self.rows = self._of.total
