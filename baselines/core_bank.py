@@ -17,9 +17,6 @@ constant             unit                       meaning, and reason
 ``GENERIC_SPREAD``                              they fill what no core has, so less than a core
 ``STATIC_SHARE``     ``adaptive-feedforward``'s  expected size of the corrections without dynamics: the cores
                                                 carry most of them
-``TUNED_TS_S``       s                          sampling time at which the settings were tuned; memory and
-                                                dynamics are as many samples at any other, since a loop is
-                                                sampled as fast as it moves
 ``TRIES``            1                          commands tried for a sample; a third lowers no error by 1 %
 ``LEAST_SLOPE``,     believed largest gain      bounds of a chord's slope: within a factor of three of any
 ``LARGEST_SLOPE``                               mixture that has an inverse; wider ones let a mixture without
@@ -61,7 +58,6 @@ THRESHOLDS = (0.03, 0.06, 0.1, 0.15, 0.26, 0.4)
 POWERS = (1, 2, 3)
 CORE_SPREAD, INNER_SPREAD, GENERIC_SPREAD = 0.5, 0.2, 0.1
 STATIC_SHARE = 0.3
-TUNED_TS_S = 1e-4
 TRIES = 2
 LEAST_SLOPE, LARGEST_SLOPE = 0.5, 1.5
 HYSTERETIC = slice(5, 5 + len(PLAYS) + len(PRODUCTS) + len(POWERS_OF_R))
@@ -312,7 +308,7 @@ class BankFeedforward(CorrectedAdaptive):
     ) -> None:
         super().__init__(belief, layout, settings)
         self.known = len(self.fit.spread)
-        dynamics = self.settings["dynamics_s"] / TUNED_TS_S
+        dynamics = self.settings["dynamics_s"] / layout.ts_s
         static = (STATIC_SHARE * self.fit.spread[3:]).tolist()
         simple = [i for i in range(self.known) if not HYSTERETIC.start <= i < HYSTERETIC.stop]
         others = [i for i in range(self.known + self.bank.count) if i not in simple]
@@ -322,7 +318,7 @@ class BankFeedforward(CorrectedAdaptive):
             [len(simple), self.known, self.known + self.bank.count],
             noise=self.settings["doubt"] * layout.scale_um,
             memory_s=self.settings["memory_s"],
-            ts_s=TUNED_TS_S,
+            ts_s=layout.ts_s,
             order=[*simple, *others],
         )
         self.rows = Rows(**{**self.rows.counts, "wanted": 0, "last_V": 0, "fit": self.fit.rows})
