@@ -27,6 +27,7 @@ from baselines.learned.imitation.policy import (
     PREVIEW,
     UNIT_UM,
     Student,
+    StudentBankFeedforward,
     StudentController,
     StudentFeedforward,
     StudentPolicy,
@@ -260,6 +261,11 @@ class _Step:
     ) -> None:
         taught = made.inverse
         assert isinstance(taught, StudentFeedforward)
+        if isinstance(taught, StudentBankFeedforward):
+            raise InputError(
+                f"the student corrects {made.policy.baseline}, whose inverse is a search: ONNX takes one of "
+                "adaptive-dual-loop, rdpi export c takes any"
+            )
         inverse = taught.inverse
         if not isinstance(inverse, ClassicalReferenceRate):
             raise InputError(
@@ -377,7 +383,7 @@ def controller_on(policy: StudentPolicy, belief: PlantModel | None) -> StudentCo
             raise InputError(
                 "belief is needed: the student does not say on what task it was taught"
             )
-        belief, layout = named_task(task).belief(), policy.layout
+        belief, layout = named_task(task.partition(",")[0]).belief(), policy.layout
     else:
         belief = limit_band(belief)
         layout = ObservationLayout.for_plant(belief, policy.layout.ts_s, policy.layout.preview)

@@ -13,7 +13,7 @@ import rdpi_gym as rg
 from rdpi_gym.cli.options import OutOption, SeedOption, words
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import Option
-from rdpi_gym.support.progress import progress_bar
+from rdpi_gym.support.progress import Lines, progress_bar
 
 
 class Algorithm(StrEnum):
@@ -59,7 +59,13 @@ class TrainingWords:
     baseline
         Compensator to correct or compare with.
     task
-        Of imitation: whose plants; else Stage.
+        Of imitation: whose plants; else Stage. Several share one student.
+    hidden
+        Of imitation: width of the recurrent layer.
+    passes
+        Of imitation: through what a round met.
+    jobs
+        Of imitation: processes that drive.
     plants
         Else P10 with and without further effects.
     belief
@@ -90,7 +96,10 @@ class TrainingWords:
     every: int | None = Option("--every", "STEPS", int).optional
     action: str | None = Option("--action").optional
     baseline: str | None = Option("--baseline", "NAME").optional
-    task: str | None = Option("--task", "NAME").optional
+    task: str | None = Option("--task", "NAME,...").optional
+    hidden: int | None = Option("--hidden", type=int).optional
+    passes: int | None = Option("--passes", type=int).optional
+    jobs: int | None = Option("--jobs", type=int).optional
     plants: tuple[str, ...] | None = Option("--plants", "NAME|FILE,...", read=_names).optional
     belief: str | None = Option("--belief", "NAME|FILE").optional
     reference: tuple[str, ...] | None = Option("--references", "NAME,...", read=_names).optional
@@ -129,7 +138,7 @@ def train(
             raise InputError(f"{flag} is no option of {algorithm.value}; leave it out")
     if space is not None and trials is None:
         raise InputError("--search-space belongs to a sweep; give --sweep and the number of trials")
-    with progress_bar() as show:
+    with progress_bar(Lines()) as show:
         options |= {"seed": seed, "progress": show}
         if trials is not None:
             found = rg.sweep(algorithm.value, out, trials=trials, space=space, **options)

@@ -119,8 +119,8 @@ def train(
     algorithm
         ``ppo``, ``sac`` or ``td3`` of Stable-Baselines3, or ``native-ppo``: the same algorithm as
         ``ppo`` without wrappers between environment and network, several times as fast; or
-        ``imitation``: a recurrent student of the true plants of a task, which corrects the best
-        adaptive controller.
+        ``imitation``: a recurrent student of the true plants of one or several tasks, which corrects
+        an adaptive controller.
     out
         Folder of the training.
     seed

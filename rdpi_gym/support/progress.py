@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
@@ -20,11 +21,30 @@ def silent(stage: str, done: int, total: int) -> None:
     """Report nothing."""
 
 
+LINE_S = 10.0
+"""Time (s) between two lines of one stage."""
+
+
+class Lines:
+    """Stages as lines on standard error, for a job whose output is kept: the first of each, then now and then."""
+
+    def __init__(self) -> None:
+        self._last, self._at_s = "", 0.0
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Report where a job stands."""
+        now_s = time.monotonic()
+        if stage == self._last and now_s - self._at_s < LINE_S:
+            return
+        self._last, self._at_s = stage, now_s
+        print(f"{stage}: {done} of {total}" if total else stage, file=sys.stderr, flush=True)
+
+
 @contextmanager
-def progress_bar() -> Iterator[Progress]:
-    """Show stages on standard error while a job runs, on a terminal only."""
+def progress_bar(otherwise: Progress = silent) -> Iterator[Progress]:
+    """Show stages on standard error while a job runs; not on a terminal, report them otherwise."""
     if sys.stderr is None or not sys.stderr.isatty():
-        yield silent
+        yield otherwise
         return
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar

@@ -29,6 +29,7 @@ from baselines.learned.imitation.rounds import Options, train
 from baselines.learned.imitation.teacher import roll_out, student_lanes
 from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.cli import main
+from rdpi_gym.envs.tasks import TASKS as ALL
 from rdpi_gym.envs.tasks.stages import RESONANCE_TASK, STAGE, structure_belief, structure_truth
 from rdpi_gym.support.errors import InputError
 
@@ -77,6 +78,7 @@ def drives(policy, met, size, seed=0):
         ("of the task", 0.1, 0.3),  # its sensor's steps, of a fifth of a unit, fall otherwise
         ("of the task", 0.005, 0.4),
         ("of another kind", 0.1, 0.25),
+        ("of another kind, by the bank", 0.1, 0.2),
     ],
 )
 def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, doubt, most):
@@ -84,12 +86,12 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
     nominal = {
         "with a mode": RESONANCE_TASK.nominal(),
         "of the task": STAGE.nominal(),
-        "of another kind": structure_truth("bouc_wen"),
-    }[plant]
-    belief = structure_belief("bouc_wen") if plant == "of another kind" else nominal
+    }.get(plant, structure_truth("bouc_wen"))
+    belief = structure_belief("bouc_wen") if "another kind" in plant else nominal
+    baseline = "adaptive-core-bank" if "bank" in plant else "adaptive-dual-loop"
     task = replace(TASK, nominals=(nominal,), beliefs=(belief,), samples=1501, first=1001)
     lanes = partial(student_lanes, task, "training", range(3), 0)
-    policy = StudentPolicy.untrained(belief, task.layout(), hidden=4)
+    policy = StudentPolicy.untrained(belief, task.layout(), 4, baseline)
     policy = replace(policy, feedforward=dict(policy.feedforward) | {"doubt": doubt})
     before = roll_out(lanes(), policy)
     learner = drives(policy, before, 0.05)
@@ -236,6 +238,42 @@ def test_a_policy_is_whole_or_refused_in_one_line(met, tmp_path):
     (folder / "weights.npz").write_bytes(b"cut")
     with pytest.raises(InputError, match="perhaps one of them was cut off"):
         StudentPolicy.load(folder)
+
+
+def test_a_student_of_several_kinds_through_the_command_line(tmp_path, monkeypatch, capsys):
+    """It corrects the bank, reports at once where nobody watches a terminal, and refuses in one line."""
+    kinds = {
+        name: replace(ALL[name], samples=101, first=51, references=("sine",))
+        for name in ("Preisach", "Duhem")
+    }
+    others = {name: ALL[name] for name in ("Stage", "Measured")}
+    monkeypatch.setattr("rdpi_gym.envs.tasks.TASKS", MappingProxyType(kinds | others))
+    monkeypatch.chdir(tmp_path)
+    command = ["train", "imitation", "--task", "Preisach,Duhem", "--lanes", "2"]
+    command += ["--timesteps", "200", "--hidden", "4", "--out", "run"]
+    assert main(command) == 0
+    told = capsys.readouterr()
+    assert "adaptive-core-bank" in told.out
+    assert told.err.startswith("measuring adaptive-core-bank: 0 of 2\n")
+    policy = StudentPolicy.load(tmp_path / "run" / "policy")
+    assert (policy.baseline, policy.training["task"]) == ("adaptive-core-bank", "Preisach,Duhem")
+    driven = make_controller("learned:run/policy", kinds["Duhem"].belief(), kinds["Duhem"].layout())
+    assert driven.warning() is None
+    for words, said in (
+        (["--baseline", "pi"], "a student corrects adaptive-dual-loop or adaptive-core-bank"),
+        (["--task", "Preisach,Stage"], "Stage and Preisach differ in sampling time"),
+        (["--task", "Preisach,Preisch"], "did you mean 'Preisach'"),
+        (["--task", "Measured"], "plants are of several kinds"),
+        (["--lanes", "3"], "give a multiple of 2"),
+        (["--baseline", "adaptive-dual-loop"], "several tasks"),
+    ):
+        assert main([*command, *words]) == 2
+        error = capsys.readouterr().err
+        assert said.lower() in error.lower()
+        assert error.count("\n") == 1
+    pytest.importorskip("onnx")
+    assert main(["export", "onnx", "run/policy", "--out", "p.onnx"]) == 2
+    assert "rdpi export c takes any" in capsys.readouterr().err
 
 
 def test_tasks_that_cannot_be_taught_are_refused():

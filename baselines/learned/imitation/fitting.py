@@ -45,7 +45,7 @@ class Loop:
         self._errors = torch.zeros(lanes, ERRORS)
         self._corrections = torch.zeros(lanes, CORRECTIONS)
         self._ones = torch.ones(lanes, 1)
-        self._around = _LoopModel(visited.loop_model, visited.seen.shape[1])
+        self._around = _around(visited)
 
     def run(self, begin: int, end: int) -> Tensor:
         """Return the errors that are left after the decisions of a stretch, ``[K, B]``."""
@@ -166,14 +166,39 @@ class _LoopModel:
         self.moved_um = self._behind.step(gives - self._gave[k])
 
 
-def _cut_gradients(state: Loop | _LoopModel | _Systems) -> None:
+class _CorrectionLoops:
+    """Systems from a correction to the displacement; what the estimate makes of it is seen in the next round."""
+
+    def __init__(self, systems: Systems) -> None:
+        self._systems = _Systems(systems)
+        self.moved_um = torch.zeros(len(systems.d))
+        """Change of the displacement at the present sample."""
+
+    def answer(self, k: int) -> Tensor:
+        """Return that nothing but errors and corrections is seen otherwise."""
+        return torch.zeros(())
+
+    def follow(self, k: int, more_um: Tensor) -> None:
+        """Answer a correction that is larger by ``(B,)`` than the one that was."""
+        self.moved_um = self._systems.step(more_um)
+
+
+def _around(visited: Rollout) -> _LoopModel | _CorrectionLoops:
+    """Return the loop of a rollout on tensors."""
+    given = visited.loop_model
+    if isinstance(given, Systems):
+        return _CorrectionLoops(given)
+    return _LoopModel(given, visited.seen.shape[1])
+
+
+def _cut_gradients(state: Loop | _LoopModel | _CorrectionLoops | _Systems) -> None:
     """Detach every tensor of a state: what comes next does not go back beyond here."""
     for name, value in list(vars(state).items()):
         if isinstance(value, Tensor):
             setattr(state, name, value.detach())
         elif isinstance(value, list):
             setattr(state, name, [each.detach() for each in value])
-        elif isinstance(value, _LoopModel | _Systems):
+        elif isinstance(value, _LoopModel | _CorrectionLoops | _Systems):
             _cut_gradients(value)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from baselines.adaptive_feedforward import PLAYS, SLOW_S, SPLINE, spline_weights
 from baselines.base import Observation, lane_products, product
+from baselines.core_bank import AdaptiveCoreBank, BankFeedforward
 from baselines.damping import AdaptiveDualLoop, CorrectedAdaptive
 from baselines.learned.policy import (
     DESCRIPTION,
@@ -262,9 +263,40 @@ class StudentFeedforward(CorrectedAdaptive):
         return np.vstack([course, plays, slow, known, left_um / UNIT_UM, own, since])
 
 
+class StudentBankFeedforward(StudentFeedforward, BankFeedforward):
+    """The feedforward on the bank of cores with a student beside it: the estimate has their weights too."""
+
+
+FEEDFORWARDS: Mapping[str, tuple[type[CorrectedAdaptive], type[StudentFeedforward]]] = {
+    AdaptiveDualLoop.name: (CorrectedAdaptive, StudentFeedforward),
+    AdaptiveCoreBank.name: (BankFeedforward, StudentBankFeedforward),
+}
+"""Feedforward of each controller that a student can correct, without the student and with it."""
+
+
+def checked_baseline(name: str) -> str:
+    """Return the name of a controller that a student can correct."""
+    if name not in FEEDFORWARDS:
+        raise InputError(
+            f"a student corrects {' or '.join(FEEDFORWARDS)}, not {quoted(name)}; give one of these"
+        )
+    return name
+
+
 def input_count(base: CorrectedAdaptive) -> int:
     """Return how many numbers a student sees beside errors and its own corrections."""
     return WEIGHTED + len(SLOW_S) + base.fit.size + 2 + len(SINCE_S)
+
+
+SCALE_SPREAD = 0.1
+"""Relative difference of two strokes that a student does not mind."""
+
+
+def is_like(layout: ObservationLayout, taught: ObservationLayout) -> bool:
+    """Whether sampling time, command range and, nearly, stroke are those of a training."""
+    return (layout.ts_s, layout.command_range_V) == (taught.ts_s, taught.command_range_V) and abs(
+        layout.scale_um / taught.scale_um - 1.0
+    ) <= SCALE_SPREAD
 
 
 FORMAT, VERSION = "rdpi-student", 2
@@ -281,25 +313,29 @@ class StudentPolicy(SavedPolicy):
     effects: tuple[str, ...]  # names of those of the belief, sorted
     loop: Settings
     feedforward: Settings  # settings of the controller that it corrects
+    baseline: str = AdaptiveDualLoop.name  # its name
     training: Mapping[str, Any] = field(default_factory=dict)  # record for a reader
     seen: Mapping[str, float] = field(default_factory=dict)  # :mod:`baselines.monitors`
 
     @classmethod
-    def untrained(cls, belief: PlantModel, layout: ObservationLayout, hidden: int) -> StudentPolicy:
+    def untrained(
+        cls,
+        belief: PlantModel,
+        layout: ObservationLayout,
+        hidden: int,
+        baseline: str = AdaptiveDualLoop.name,
+    ) -> StudentPolicy:
         """Return a policy that adds nothing to the controller with its committed settings."""
-        feedforward = CorrectedAdaptive(belief, layout)
+        plain, _ = FEEDFORWARDS[checked_baseline(baseline)]
+        feedforward = plain(belief, layout)
         return cls(
             Student.blank(input_count(feedforward), hidden, WEIGHTED),
             layout,
             tuple(sorted(effect.name for effect in belief.effects)),
             AdaptiveDualLoop(belief, layout).settings,
             feedforward.settings,
+            baseline,
         )
-
-    @property
-    def baseline(self) -> str:
-        """Name of the controller that it corrects."""
-        return AdaptiveDualLoop.name
 
     def save(self, folder: Path) -> Path:
         """Write ``policy.json`` and ``weights.npz``; what was in the folder is replaced as a whole.
@@ -353,6 +389,7 @@ class StudentPolicy(SavedPolicy):
                 checked_settings(
                     CorrectedAdaptive.name, CorrectedAdaptive.knobs, document["feedforward"]
                 ),
+                checked_baseline(document["corrects"]),
                 dict(document["training"]),
                 checked_envelope(document.get("seen")),
             )
@@ -394,9 +431,8 @@ class StudentController(AdaptiveDualLoop):
     def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
         """Return the feedforward with the student beside it."""
         policy = self.policy
-        return StudentFeedforward(
-            belief, layout, policy.feedforward, policy.student, self._on_decision
-        )
+        _, kind = FEEDFORWARDS[policy.baseline]
+        return kind(belief, layout, policy.feedforward, policy.student, self._on_decision)
 
     @property
     def needed_preview(self) -> int:
@@ -418,6 +454,6 @@ class StudentController(AdaptiveDualLoop):
         taught, layout = self.policy.layout, self.layout
         if sorted(e.name for e in self.belief.effects) != list(self.policy.effects):
             return f"taught on a belief with {', '.join(self.policy.effects) or 'no effects'}"
-        if (taught.scale_um, taught.command_range_V) != (layout.scale_um, layout.command_range_V):
+        if not is_like(layout, taught):
             return f"taught for {taught.scale_um:g} µm"
         return super().warning()

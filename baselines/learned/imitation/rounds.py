@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,18 @@ from typing import Any
 import numpy as np
 import torch
 
+from baselines.core_bank import AdaptiveCoreBank
 from baselines.damping import AdaptiveDualLoop
 from baselines.learned.checkpoint import CheckpointContent, load_checkpoint, save_checkpoint
 from baselines.learned.imitation.fitting import Learner
-from baselines.learned.imitation.policy import UNIT_UM, WEIGHTED, StudentPolicy, fresh_arrays
+from baselines.learned.imitation.policy import (
+    UNIT_UM,
+    WEIGHTED,
+    StudentPolicy,
+    checked_baseline,
+    fresh_arrays,
+    is_like,
+)
 from baselines.learned.imitation.teacher import Rollout, Score, roll_out, student_lanes
 from baselines.learned.options import (
     CHECKPOINT,
@@ -33,12 +42,13 @@ from baselines.learned.options import (
     check_folder,
     curve_text,
 )
-from rdpi_gym.envs.tasks import Lanes, StageTask, named_task
+from rdpi_gym.envs.tasks import StageTask, named_task
 from rdpi_gym.envs.tasks.task import Split
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.checks import is_finite
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import write_atomic
+from rdpi_gym.support.parallel import Pool
 from rdpi_gym.support.progress import Progress
 
 
@@ -57,11 +67,17 @@ class Options:
     seed: int = 0
     # Of weights, plants, references and noise: the same seed, the same run.
     task: str = "Stage"
-    # Its training draws are taught on, its validation draws choose the policy.
+    # Names, joined by commas. Their training draws are taught on, their validation draws choose the
+    # policy.
+    baseline: str | None = None
+    # Controller that is corrected; None: ``adaptive-core-bank`` where a task's plants are of another
+    # kind than believed, else ``adaptive-dual-loop``.
     timesteps: int = 30_000_000
     # Of all plants together; rounded to whole rounds.
     lanes: int = 96
-    # Side by side in a round, each plant with every reference of the task.
+    # Side by side in a round, each plant with every reference of its task.
+    passes: int = 1
+    # Through what was met in a round.
     every: int | None = None
     # Steps between evaluations, each with a checkpoint; None: a twentieth of all.
     hidden: int = 64
@@ -69,12 +85,15 @@ class Options:
     learning_rate: float = 3e-3
     # At the begin; it falls to 3 % along a cosine.
     held_out: int = 8
-    # Validation plants.
+    # Validation plants of each task.
     threads: int = 1
     # Of torch.
+    jobs: int = 1
+    # Processes that drive.
 
     def __post_init__(self) -> None:
-        for name in ("timesteps", "lanes", "every", "hidden", "held_out", "threads"):
+        names = ("timesteps", "lanes", "passes", "every", "hidden", "held_out")
+        for name in (*names, "threads", "jobs"):
             value = getattr(self, name)
             if value is not None and (type(value) is not int or value < 1):
                 raise InputError(f"{name} is {value!r}; give a whole number of 1 or more")
@@ -82,29 +101,40 @@ class Options:
             raise InputError(f"seed is {self.seed!r}; give a whole number of 0 to 2^32 - 1")
         if not (is_finite(self.learning_rate) and self.learning_rate > 0.0):
             raise InputError(f"learning_rate is {self.learning_rate!r}; give a number above 0")
-        references = len(self.stage.references)
+        stages = self.stages
+        for stage in stages:
+            student_lanes(stage, "validation", range(1), self.seed)
+            is_same = _effects(stage) == _effects(stages[0])
+            if not (is_same and is_like(stage.layout(), stages[0].layout())):
+                raise InputError(
+                    f"{stage.name} and {stages[0].name} differ in sampling time, stroke, command range or "
+                    "believed effects, which one student cannot have; teach one for each"
+                )
+        references = sum(len(stage.references) for stage in stages)
         if self.lanes % references:
             raise InputError(
                 f"lanes is {self.lanes}, and every plant of {self.task} has {references} references; "
                 f"give a multiple of {references}"
             )
-        student_lanes(self.stage, "validation", range(1), self.seed)
+        object.__setattr__(self, "baseline", checked_baseline(self.baseline or _corrected(stages)))
+        if self.baseline != AdaptiveCoreBank.name and (len(stages) > 1 or self.jobs > 1):
+            raise InputError(
+                f"a student of several tasks, or driven by several processes, corrects {AdaptiveCoreBank.name}; "
+                "give that baseline, or one task and one process"
+            )
 
     @property
-    def stage(self) -> StageTask:
-        """The task."""
-        return named_task(self.task)
-
-    @property
-    def baseline(self) -> str:
-        """Name of the controller that is corrected, and compared with."""
-        return AdaptiveDualLoop.name
+    def stages(self) -> tuple[StageTask, ...]:
+        """The tasks."""
+        return tuple(named_task(name.strip()) for name in self.task.split(","))
 
     def document(self) -> dict[str, Any]:
         """All that the result depends on, as JSON holds it."""
-        kept = asdict(self) | {"task": self.stage.name}
-        del kept["out"]
-        nominals = [model.to_dict() for model in self.stage.nominals]
+        stages = self.stages
+        kept = asdict(self) | {"task": ",".join(stage.name for stage in stages)}
+        for name in ("out", "jobs"):
+            del kept[name]
+        nominals = [model.to_dict() for stage in stages for model in stage.nominals]
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -112,6 +142,20 @@ class Options:
             "options": kept | {"nominals": nominals},
             "versions": {name: version(name) for name in ("torch", "numpy")},
         }
+
+
+def _effects(stage: StageTask) -> list[str]:
+    return sorted(effect.name for effect in stage.belief().effects)
+
+
+def _corrected(stages: Sequence[StageTask]) -> str:
+    """Return the controller that suits the tasks: the bank where the believed kind is not the true one."""
+    kinds = ((each.nominal().hysteresis.name, each.belief().hysteresis.name) for each in stages)
+    return (
+        AdaptiveDualLoop.name
+        if all(true == believed for true, believed in kinds)
+        else AdaptiveCoreBank.name
+    )
 
 
 LAST_SHARE = 0.03
@@ -131,7 +175,8 @@ class Base:
 
     policy: StudentPolicy  # a student that adds nothing
     arrays: Mapping[str, Any]  # the network to begin with, its scales those of what is seen
-    weights: Array  # of each reference: one over the RMS error that the base leaves (1 / units)
+    weights: Sequence[Array]
+    # Of each task's references: one over the RMS error that the base leaves (1 / units).
     held_out: Score  # its score on the validation draws
 
 
@@ -139,9 +184,12 @@ class Rounds:
     """A training, from the newest checkpoint on."""
 
     def __init__(self, options: Options, progress: Progress | None = None) -> None:
-        self.options, self.task, self.progress = options, options.stage, progress
-        self._plants = options.lanes // len(self.task.references)
-        self._steps = options.lanes * (self.task.samples - 1)
+        self.options, self.progress, self._pool = options, progress, Pool(options.jobs)
+        stages = options.stages
+        self._plants = options.lanes // sum(len(stage.references) for stage in stages)
+        self._steps = sum(
+            self._plants * len(stage.references) * (stage.samples - 1) for stage in stages
+        )
         self.count = max(1, round(options.timesteps / self._steps))
         self._every = max(1, round((options.every or options.timesteps / 20) / self._steps))
         self._base = self._measured_base()
@@ -160,16 +208,18 @@ class Rounds:
             self._keep(None)
         else:
             self.rows, self._before_s = kept["rows"], kept["seconds"]
+        self._report("teaching", self.done, self.count)
         while self.done < self.count:
             reward = self._round()
             self.done += 1
             if self.done % self._every == 0 or self.done == self.count:
                 self._keep(reward)
-            if self.progress is not None:
-                self.progress("teaching", self.done, self.count)
+            self._report("teaching", self.done, self.count)
         policy = StudentPolicy.load(out / POLICY)
         if not policy.seen:
-            replace(policy, seen=measured_envelope(policy, self.options)).save(out / POLICY)
+            numbers = range(4 * self.options.held_out)  # how far its loops go
+            met = self._met("training", numbers, policy)
+            replace(policy, seen=met.largest).save(out / POLICY)
         return out / POLICY
 
     @property
@@ -222,8 +272,9 @@ class Rounds:
         Where it drove much worse than ever before, the loop that the last fits left is about to
         become unstable: a network of before is taken up again, and fitted more slowly from then on.
         """
-        visited = roll_out(self._lanes("training", self.done), self._policy())
-        weights = np.tile(self._base.weights, self._plants)
+        numbers = range(self.done * self._plants, (self.done + 1) * self._plants)
+        visited = self._met("training", numbers, self._policy())
+        weights = np.concatenate([np.tile(each, self._plants) for each in self._base.weights])
         error = float(np.mean(visited.score.rmse_um * weights)) / UNIT_UM
         if error > WORSE * self._least and not self._is_back:
             self._take_up(self._good)
@@ -236,13 +287,24 @@ class Rounds:
             self._good = self._held()
         along = 0.5 * (1.0 + math.cos(math.pi * self.done / self.count))
         rate = self.options.learning_rate * (LAST_SHARE + (1.0 - LAST_SHARE) * along)
-        self._learner.fit(visited, weights, rate * SLOWER**self.taken_back)
+        for _ in range(self.options.passes):
+            self._learner.fit(visited, weights, rate * SLOWER**self.taken_back)
         return self._reward(visited.score)
 
-    def _lanes(self, split: Split, number: int) -> Lanes:
-        count = self._plants if split == "training" else self.options.held_out
-        numbers = range(number * count, (number + 1) * count)
-        return student_lanes(self.task, split, numbers, self.options.seed)
+    def _met(self, split: Split, numbers: Sequence[int], policy: StudentPolicy) -> Rollout:
+        """Return what a policy meets on draws of every task."""
+        stages, jobs = self.options.stages, self.options.jobs
+        share = max(1, -(-len(numbers) * len(stages) // jobs)) if jobs > 1 else len(numbers)
+        cases = [
+            (stage, split, numbers[begin : begin + share], self.options.seed)
+            for stage in stages
+            for begin in range(0, len(numbers), share)
+        ]
+        return Rollout.joined(self._pool.map(partial(_driven, policy), cases))
+
+    def _report(self, stage: str, done: int, total: int) -> None:
+        if self.progress is not None:
+            self.progress(stage, done, total)
 
     def _policy(self) -> StudentPolicy:
         return replace(self._base.policy, student=self._learner.student)
@@ -252,14 +314,22 @@ class Rounds:
         return -float(score.absolute_um.mean()) / self._base.policy.layout.scale_um
 
     def _measured_base(self) -> Base:
-        lanes = self._lanes("training", 0)
-        policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), self.options.hidden)
-        met = roll_out(lanes, policy)
-        held_out = roll_out(self._lanes("validation", 0), policy).score
+        options, first = self.options, self.options.stages[0]
+        policy = StudentPolicy.untrained(
+            first.belief(), first.layout(), options.hidden, str(options.baseline)
+        )
+        self._report(f"measuring {options.baseline}", 0, 2)
+        met = self._met("training", range(self._plants), policy)
+        self._report(f"measuring {options.baseline}", 1, 2)
+        held_out = self._met("validation", range(options.held_out), policy).score
         middle, spread = _scales(met)
-        arrays = fresh_arrays(self.options.seed, middle, spread, self.options.hidden, WEIGHTED)
-        rms = np.sqrt(np.mean(met.score.rmse_um.reshape(self._plants, -1) ** 2, axis=0))
-        return Base(policy, arrays, UNIT_UM / rms, held_out)
+        arrays = fresh_arrays(options.seed, middle, spread, options.hidden, WEIGHTED)
+        ends = np.cumsum([self._plants * len(each.references) for each in options.stages])[:-1]
+        rms = [
+            np.sqrt(np.mean(each.reshape(self._plants, -1) ** 2, axis=0))
+            for each in np.split(met.score.rmse_um, ends)
+        ]
+        return Base(policy, arrays, [UNIT_UM / each for each in rms], held_out)
 
     def _keep(self, reward: float | None) -> None:
         """Evaluate, and write what a reader and a later run find: policy, curve, checkpoint."""
@@ -267,7 +337,7 @@ class Rounds:
         policy = replace(
             policy, student=policy.student.rounded_to_half()
         )  # as it is kept, so it is judged
-        score = roll_out(self._lanes("validation", 0), policy).score
+        score = self._met("validation", range(self.options.held_out), policy).score
         best = min((row["rmse_percent"] or math.inf for row in self.rows), default=math.inf)
         seconds = self._before_s + time.perf_counter() - self._began
         row: Row = {
@@ -287,16 +357,19 @@ class Rounds:
 
     def _story(self, row: Row) -> dict[str, Any]:
         """Return the record of the training in a policy."""
-        names = ("seed", "timesteps", "lanes", "hidden", "learning_rate")
+        names = ("seed", "timesteps", "lanes", "passes", "hidden")
+        told = {name: getattr(self.options, name) for name in names}
+        tasks = ",".join(stage.name for stage in self.options.stages)
+        words = {"task": tasks, "baseline": self.options.baseline} | told
         return {
             "algorithm": "imitation",
-            "command": (
-                f"rdpi train imitation --task {self.task.name} --seed {self.options.seed} "
-                f"--timesteps {self.options.timesteps} --lanes {self.options.lanes}"
+            "command": " ".join(
+                ["rdpi train imitation", *(f"--{name} {value}" for name, value in words.items())]
             ),
-            "task": self.task.name,
+            "task": tasks,
             "draws": "training; chosen on validation draws",
-            **{name: getattr(self.options, name) for name in names},
+            **told,
+            "learning_rate": self.options.learning_rate,
             "at_timesteps": self.timesteps,
             "taken_back": self.taken_back,
             "validation_percent": row["rmse_percent"],
@@ -304,10 +377,9 @@ class Rounds:
         }
 
 
-def measured_envelope(policy: StudentPolicy, options: Options) -> Mapping[str, float]:
-    """Return how far the loops of a student go on training draws, four times as many as are held out."""
-    numbers = range(4 * options.held_out)
-    return roll_out(student_lanes(options.stage, "training", numbers, options.seed), policy).largest
+def _driven(policy: StudentPolicy, case: tuple[StageTask, Split, Sequence[int], int]) -> Rollout:
+    """Return what a policy meets on draws of one task."""
+    return roll_out(student_lanes(*case), policy)
 
 
 def _figures(score: Score, prefix: str) -> Row:

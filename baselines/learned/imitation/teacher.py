@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
 from baselines.classical import pack_inverse
+from baselines.core_bank import BankFeedforward
 from baselines.damping import AdaptiveDualLoop
 from baselines.feedforward import Feedforward
 from baselines.learned.imitation.policy import (
@@ -19,7 +20,7 @@ from baselines.learned.imitation.policy import (
     StudentPolicy,
 )
 from baselines.least_squares import SOLVE_EVERY, ForgettingLeastSquares
-from baselines.loops import LinearSystem, linear_part
+from baselines.loops import LinearSystem, linear_part, unit_delay
 from baselines.monitors import EnvelopeRecorder
 from rdpi_gym.envs.tasks import Lanes, StageTask
 from rdpi_gym.envs.tasks.task import Split
@@ -49,6 +50,17 @@ class Systems:
             m = system.order
             a[lane, :m, :m], b[lane, :m], c[lane, :m] = system.a, system.b, system.c
         return cls(*map(single, (a, b, c, np.array([system.d for system in systems]))))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Systems]) -> Systems:
+        """Return the systems of all lanes."""
+        return cls.of(
+            [
+                LinearSystem(*of)
+                for part in parts
+                for of in zip(part.a, part.b, part.c, part.d, strict=True)
+            ]
+        )
 
 
 @dataclass(frozen=True)
@@ -160,7 +172,7 @@ class LoopModel:
     true plants follow it, their lag before the plays and delay and mode behind them; the feedback
     answers the displacement, and the estimate what it learns from it. What is left out: creep and
     whatever else is neither linear nor the hysteresis, the ends of the command's range, and that
-    what rings is withdrawn. Where the hysteresis is of another kind, the belief's stands for it.
+    what rings is withdrawn.
     """
 
     wanted_um: Float32  # w, ``(K, B)``
@@ -175,18 +187,30 @@ class LoopModel:
     feedback: Systems  # linear parts: of the command, of what the plays give, and of the error
 
 
+def correction_loop(truth: PlantModel, feedback: LinearSystem, ts_s: float) -> LinearSystem:
+    """Return the system from the correction of w at a decision to the displacement a sample later.
+
+    Of a core whose thresholds do not move with the rate: the inverse that w is given to undoes it, of
+    whatever kind, but for errors that are small beside the correction. So what lies on the way is what
+    is linear of the true plant, and the feedback around it, which sees a displacement a sample later.
+    """
+    path = linear_part(truth.effects, truth.hysteresis, ts_s)
+    return path.around(unit_delay() * feedback)
+
+
 def loop_model(
     lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[DecisionSample], commands_V: Array
-) -> LoopModel:
-    """Return what surrounded a student that drove lanes."""
-    believed, ts_s, adaptive = base.belief.hysteresis, lanes.task.ts_s, base.feedforward
-    truths = {
-        draw.number: draw.truth
-        if isinstance(draw.truth.hysteresis, RDPI)
-        else draw.truth.with_hysteresis(believed)
-        for draw in lanes.draws
-    }
+) -> LoopModel | Systems:
+    """Return what surrounded a student that drove lanes: where the true core is another, :func:`correction_loop`."""
+    ts_s, adaptive = lanes.task.ts_s, base.feedforward
+    truths = {draw.number: draw.truth for draw in lanes.draws}
     each = [truths[number] for number in lanes.numbers]
+    is_known = all(isinstance(truth.hysteresis, RDPI) for truth in each)
+    if not is_known or isinstance(adaptive, BankFeedforward):
+        loops = {
+            number: correction_loop(truth, base.feedback, ts_s) for number, truth in truths.items()
+        }
+        return Systems.of([loops[number] for number in lanes.numbers])
     offset = base.belief.offset_um
     plant = _plays_alone(each, ts_s, base.limits.rest_V)
     memory = plant.memory.copy()
@@ -252,10 +276,26 @@ class Rollout:
     correction: Float32
     # Measured error that was seen, and the correction that was answered, ``float32[K, B]``.
     left: Float32  # true tracking error one sample later, ``float32[K, B]``
-    loop_model: LoopModel  # what another correction would have met
+    loop_model: LoopModel | Systems  # what another correction would have met
     first: int  # decision from which on errors are scored
     score: Score  # of the run
     largest: Mapping[str, float]  # how far its loops went, see :mod:`baselines.monitors`
+
+    @classmethod
+    def joined(cls, parts: Sequence[Rollout]) -> Rollout:
+        """Return rollouts side by side, as one; several have a :func:`correction_loop` each."""
+        if len(parts) == 1:
+            return parts[0]
+        loops = [part.loop_model for part in parts if isinstance(part.loop_model, Systems)]
+
+        def joined(name: str) -> Float32:
+            return np.concatenate([getattr(one, name) for one in parts], axis=-1)
+
+        furthest = {name: max(one.largest[name] for one in parts) for name in parts[0].largest}
+        return cls(
+            joined("seen"), joined("error"), joined("correction"), joined("left"),
+            Systems.joined(loops), parts[0].first, Score.joined([one.score for one in parts]), furthest,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -271,6 +311,12 @@ class Score:
     def percent(self) -> Array:
         """RMS error over the reference's peak to peak, of each lane."""
         return 100.0 * self.rmse_um / self.peak_um
+
+    @classmethod
+    def joined(cls, scores: Sequence[Score]) -> Score:
+        """Return the scores of all lanes."""
+        names = ("rmse_um", "peak_um", "absolute_um", "command_variation_V_s")
+        return cls(*(np.concatenate([getattr(one, name) for one in scores]) for name in names))
 
 
 def roll_out(lanes: Lanes, policy: StudentPolicy) -> Rollout:
