@@ -186,9 +186,11 @@ def test_page_tells_what_every_check_says(eventful, tmp_path):
 def test_left_out_stretches_are_shaded():
     trace = compare(Dataset("one", (masked(),)), P5).traces[0]
     assert trace.role == "train"
-    # 100 to 299; and the last: a quarter of the 999 that count is held out for validation
+    # 100 to 299; and the last: blocks of the 999 that count are held out for validation
     (band,) = marks(charts.time_traces(trace, 3000), Bands)
-    assert set(band.spans) == {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-250], trace.t_s[-1])}
+    spans = set(band.spans)
+    assert len(spans) == 5
+    assert {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-62], trace.t_s[-1])} < spans
 
 
 def wild():
