@@ -149,7 +149,7 @@ def thinned(
     if total < 2 * most:
         return None
     room = _room([r.t_s.size for r in moving], most)
-    train = close_up([r for r in dataset.train if r.error_mask.any()])
+    train = close_up([r for r in moving if r.role == "train" and r.error_mask.any()])
     model = fit_joint(train, comb(train), passes=_PASSES, samples=_FITTED).variant
     records, few = {}, dict(openings)
     ways: dict[tuple[int, int], list[str]] = {}

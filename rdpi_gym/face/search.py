@@ -189,7 +189,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
         """Title of :meth:`overview`."""
         if self.kind == "diagnosis":
             without = self._quantities().fill(in_output(self.base.validation_rmse_um))
-            return f"Candidates, each added alone and refitted; without one {without}"
+            return f"Candidates, each added alone; without one {without}"
         return "Error, step by step"
 
     @property

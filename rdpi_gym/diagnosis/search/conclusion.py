@@ -154,12 +154,15 @@ def _rounds(
     """Return the candidates of each round as they are stated: what was added, then best first."""
     found = []
     for number, ranked in enumerate(rounds):
-        candidates = search.stated(ranked, None if number else base)
+        candidates = [
+            capped(c, search.checks, search.catalogue)
+            for c in search.stated(ranked, None if number else base)
+        ]
         if any(c.errors is not r.candidate.errors for c, r in zip(candidates, ranked, strict=True)):
             taken = tuple(takewhile(lambda c: c.effect in added, candidates))
             rest = sorted(candidates[len(taken) :], key=lambda c: c.errors.validation_rmse_um)
-            candidates = (*taken, *rest)
-        found.append(candidates)
+            candidates = [*taken, *rest]
+        found.append(tuple(candidates))
     return tuple(found)
 
 
