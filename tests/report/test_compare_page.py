@@ -190,7 +190,7 @@ def test_left_out_stretches_are_shaded():
     (band,) = marks(charts.time_traces(trace, 3000), Bands)
     spans = set(band.spans)
     assert len(spans) == 5
-    assert {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-62], trace.t_s[-1])} < spans
+    assert {(trace.t_s[100], trace.t_s[299]), (trace.t_s[-63], trace.t_s[-1])} < spans
 
 
 def wild():
