@@ -200,7 +200,8 @@ def wild():
     counted[250:290] = False
     y_um = np.where(counted, record.y_um, 1e3)
     y_um[300:340] += 0.5 * np.hanning(40)
-    return Dataset("one", (replace(record, y_um=y_um, error_mask=counted),))
+    wild = replace(record, y_um=y_um, error_mask=counted)
+    return Dataset("one", (wild, replace(wild, name="two", role="validation")))
 
 
 def residuals_drawn(chart, trace):
