@@ -145,6 +145,7 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
     if history.kind == "diagnosis" and len(added) == 1:
         (chosen,) = added
         search.seen(replace(end.outcome, effect=chosen.effect, form=chosen.form))
+    found = replace(found, rounds=found.stated_rounds)
     return in_words(found, dataset.quantities)
 
 
