@@ -80,8 +80,6 @@ WAYS = (
 def splits(dataset: Dataset) -> dict[str, Dataset]:
     """Return a data set split in four ways: as it is, with an opening left out, exchanged, and halved."""
     train, validation = dataset.train, dataset.validation
-    if dataset.holds_out_quarters:
-        train, validation = dataset.in_blocks
     names = {r.name for r in train}
     held = tuple(
         replace(r, name=f"{r.name}-held" if r.name in names else r.name, role="validation")

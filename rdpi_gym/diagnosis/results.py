@@ -64,6 +64,7 @@ _ORDER = [
     "checks",
     "seconds",
     "core",
+    "within_records",
 ]
 """Keys of a file, before those that only some kinds have."""
 
@@ -86,6 +87,13 @@ class Errors(Document):
     validation_rmse_um: float = field(metadata=stored("validation_rmse", null=math.inf))
     validation_nrmse_percent: float = field(metadata=stored(null=math.inf))
     by_record_um: Mapping[str, float] = field(metadata=stored("by_record"))
+
+
+def share_of_excess(before: Errors, after: Errors, noise_um: float) -> float:
+    """Share of the squared validation error above the noise that a model removes of another's."""
+    squares = [each.validation_rmse_um**2 for each in (before, after)]
+    excess = squares[0] - noise_um**2
+    return (squares[0] - squares[1]) / excess if excess > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -337,6 +345,9 @@ class SearchResult:
         unit of its output.
     core
         Which kind of hysteresis `plant` has, and how that was decided.
+    within_records
+        Whether errors are of a quarter of every record, held out in blocks: validation records do not
+        show what those to fit ask for.
     reservation, advice, limit_notices
         What `sampling`, `next_experiment` and `limits` are the texts of; None and empty in results
         of files that hold the texts alone.
@@ -372,6 +383,7 @@ class SearchResult:
     probabilities: Probabilities | None = None
     quantities: Quantities = field(default_factory=Quantities)
     core: CoreChoice = field(default_factory=lambda: CoreChoice(RDPI.name))
+    within_records: bool = False
     reservation: Notice | None = None
     advice: Notice | None = None
     limit_notices: tuple[Notice, ...] = ()
@@ -389,15 +401,13 @@ class SearchResult:
     @property
     def stated(self) -> dict[str, Candidate]:
         """Every effect of the steps, by name, with the share that the model with it removes."""
-        stated, floor, before = {}, self.noise_floor_um**2, self.base.validation_rmse_um**2
+        stated, before = dict[str, Candidate](), self.base
         for step in self.steps:
-            after = step.errors.validation_rmse_um**2
-            alone = len(step.added) == 1 and before > floor
+            share = share_of_excess(before, step.errors, self.noise_floor_um)
+            alone = len(step.added) == 1
             for c in step.added:
-                stated[c.effect] = replace(
-                    c, share=(before - after) / (before - floor) if alone else c.share
-                )
-            before = after
+                stated[c.effect] = replace(c, share=share) if alone else c
+            before = step.errors
         return stated
 
     @property
@@ -443,6 +453,7 @@ class SearchResult:
             self.undecided,
             self.sampling if self.reservation is None else request_of(self.reservation),
             1.0 if self.probabilities is None else self.probabilities.none,
+            self.within_records,
         )
         return self.quantities.fill(said)
 
@@ -457,7 +468,7 @@ class SearchResult:
             "headline": self.headline,
         }
         document = {key: stated[key] for key in _ORDER}
-        steps, rounds = PLAIN.write(self.added), PLAIN.write(self.rounds)
+        steps, rounds = PLAIN.write(self.added), PLAIN.write(self.stated_rounds)
         if self.kind == "diagnosis":
             document["candidates"] = rounds.pop(0) if rounds else []
             document["chosen"] = [candidate.effect for candidate in self.added]

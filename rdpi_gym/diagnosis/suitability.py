@@ -136,6 +136,7 @@ class Thinned:
     # The samples at the beginning of records (``bool[N]``) that were given, of those that are read
     openings: Mapping[str, BoolArray]
     sentence: str  # what is read, and what is of all samples
+    in_part: bool = False  # whether a stretch alone is read of some record
 
 
 def thinned(
@@ -148,7 +149,7 @@ def thinned(
     if total < 2 * most:
         return None
     room = _room([r.t_s.size for r in moving], most)
-    train = close_up([r for r in dataset.train if r.error_mask.any()])
+    train = close_up([r for r in moving if r.role == "train" and r.error_mask.any()])
     model = fit_joint(train, comb(train), passes=_PASSES, samples=_FITTED).variant
     records, few = {}, dict(openings)
     ways: dict[tuple[int, int], list[str]] = {}
@@ -164,7 +165,7 @@ def thinned(
         size = cut.stop - cut.start if part.t_s.size > room else 0
         ways.setdefault((step, size), []).append(record.name)
     found = replace(dataset, records=tuple(records.get(r.name, r) for r in dataset.records))
-    return Thinned(found, few, _sentence(ways, dataset, total))
+    return Thinned(found, few, _sentence(ways, dataset, total), any(size for _, size in ways))
 
 
 def close_up(records: Sequence[Record]) -> tuple[Record, ...]:

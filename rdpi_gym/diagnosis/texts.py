@@ -633,11 +633,8 @@ _LACKS = " The model lacks an effect, or has one or the hysteresis in another fo
 _DISTURBED = "at least {percent:.0f} % is a disturbance: "
 _OF_IT = " of the squared residual ({low:.0f} to {high:.0f} %; {before:output} to {after:output}): "
 _GIVE = "give all inputs to a model, or hold the others still."
-_FEWER = (
-    "the search read {read}: candidates, their shares and the steps between are of these; the model is "
-    "refitted over all {total:,} samples"
-)
-_ERRORS = ", and its errors, the noise floor and the verdict are of all of them"
+_FEWER = "the search read {read}: confidences are of these; the model is refitted over all {total:,} samples"
+_ERRORS = ", and errors, shares, the noise floor and the verdict are of all of them"
 
 SEARCH: Mapping[str, str] = {
     "unrelated": "The {output} hardly follows the {input} ({percent:.1f} % of its power): check the "

@@ -50,7 +50,7 @@ class Dataset(DisplayMixin, measurement.Dataset):
         samples = sum(record.t_s.size for record in self.records)
         fitted, judged = len(self.train), len(self.validation)
         split = (
-            "the last quarter of each to validate on"
+            "a quarter of each to validate on"
             if self.holds_out_quarters
             else f"{judged} to validate on"
         )
@@ -241,7 +241,7 @@ def load(
         Sampling time (s) of records without a time column, or whose times are rounded.
     validate
         Pattern of the names of validation records, as in ``"run3*"``; by default those named
-        ``validation...``, else the last quarter of each record.
+        ``validation...``, else a quarter of each record, in blocks.
     skip_s
         Seconds at the start of each record that are simulated and left out of the error.
 
@@ -263,9 +263,9 @@ def load(
     ...     path = Path(folder) / "run.csv"
     ...     _ = path.write_text("u,y\n" + "".join(f"{k},{8 * k}\n" for k in range(40)))
     ...     rg.load(path, sampling_time_s=5e-3)
-    run.csv: 1 record, 40 samples; 1 to fit, the last quarter of each to validate on
+    run.csv: 1 record, 40 samples; 1 to fit, a quarter of each to validate on
       run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
-      no validation record: the last quarter of each record is held out for validation
+      no validation record: a quarter of each record, in blocks, is held out for validation
       no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others
     """
     check_type(path, PathLike[str] | str | Sequence[PathLike[str] | str], "load: path")

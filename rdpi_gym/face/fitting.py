@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rdpi_gym import identification, measurement
+from rdpi_gym.diagnosis.preprocessing import inspect
 from rdpi_gym.face.data import as_dataset, in_words_of
 from rdpi_gym.face.display import DisplayMixin
 from rdpi_gym.identification import cores, interval_95, kinds
@@ -207,15 +208,16 @@ def fit(
     """
     dataset = as_dataset(data)
     with in_words_of(dataset):
+        looked = inspect(dataset)
         found = identification.fit(
-            dataset,
+            looked.dataset,
             plays,
             rate_bandwidth_hz=rate_bandwidth_hz,
             free_memory=free_memory,
             name=name,
             progress=progress,
         )
-    return FitResult.of(found)
+    return FitResult.of(replace(found, warnings=(*looked.left_out, *found.warnings)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -242,6 +244,7 @@ class CoreFit(DisplayMixin, cores.CoreFit):
             _error_line(self),
             f"{core.title[0].upper()}{core.title[1:]}: {core.equation}.",
             f"{used} of {len(gains)} gains are not zero.",
+            *(f"- {warning}" for warning in self.warnings),
         ]
         if self.at_bound:
             what = "stands at its bound" if len(self.at_bound) == 1 else "stand at their bounds"
@@ -341,8 +344,9 @@ def fit_core(
         raise unknown_name("--core", core, tuple(CORES))
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = cores.fit_core(dataset, CORES[core], name=name, progress=progress)
-    return CoreFit.of(found)
+        looked = inspect(dataset)
+        found = cores.fit_core(looked.dataset, CORES[core], name=name, progress=progress)
+    return CoreFit.of(replace(found, warnings=looked.left_out))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -405,6 +409,7 @@ class KindChoice(DisplayMixin, kinds.KindChoice):
                 "- Left out of the fits, since they begin away from rest while others begin there, or "
                 f"no kind explains them as it does the others: {joined(list(self.left_out))}."
             )
+        lines += [f"- {warning}" for warning in self.chosen.warnings]
         return lines
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -484,5 +489,7 @@ def choose_kind(
     """
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = kinds.choose_kind(dataset, name=name, progress=progress)
-    return KindChoice.of(found)
+        looked = inspect(dataset)
+        found = kinds.choose_kind(looked.dataset, name=name, progress=progress)
+        chosen = replace(found.chosen, warnings=looked.left_out)
+    return KindChoice.of(found, chosen=chosen)

@@ -74,6 +74,8 @@ class CoreFit:
     quantities
         What was measured; numbers named ``_V`` and ``_um`` are in the units of its input and
         output.
+    warnings
+        Samples that do not count, one sentence each.
     """
 
     plant: PlantModel[Any]
@@ -87,6 +89,7 @@ class CoreFit:
     evaluations: int
     smoothness: float = 0.0
     quantities: Quantities = field(default_factory=Quantities)
+    warnings: tuple[str, ...] = ()
 
 
 def fit_core(

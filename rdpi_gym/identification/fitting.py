@@ -60,7 +60,7 @@ class FitResult:
     train_rmse_um, validation_rmse_um
         Error (µm) over all training and all validation records; None without any of the latter.
     warnings
-        What the data do not determine, one sentence each.
+        Samples that do not count, and what the data do not determine, one sentence each.
     seconds
         Time taken (s).
     evaluations

@@ -229,8 +229,6 @@ def choose_kind(
     dataset = data if isinstance(data, Dataset) else Dataset("records", tuple(data))
     train, validation = list(dataset.train), list(dataset.validation)
     check_motion(train)
-    if dataset.holds_out_quarters or not validation:
-        train, validation = map(list, dataset.in_blocks)
     report, scale = progress or silent, data_scale(train)
     every, train, validation = train, from_rest(train), from_rest(validation)
     refused: dict[str, str] = {}

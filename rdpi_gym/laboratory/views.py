@@ -266,7 +266,6 @@ def cards(
         if (candidate := said.get(name)) is not None:
             card |= {
                 "state": "failed" if refit is None else "final",
-                "share": candidate["share_of_excess"],
                 "confidence": candidate["confidence"],
                 "rivals": list(candidate["indistinguishable"]),
                 "remarks": list(candidate["remarks"]),

@@ -10,7 +10,6 @@ from rdpi_gym.measurement.record import (
     Record,
     Role,
     hold_out_blocks,
-    hold_out_quarter,
     longest_counted,
 )
 from rdpi_gym.measurement.sampling import JITTER
@@ -31,7 +30,6 @@ __all__ = [
     "Role",
     "example_folder",
     "hold_out_blocks",
-    "hold_out_quarter",
     "load",
     "longest_counted",
     "measured_data",

@@ -34,7 +34,7 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
     ``temperature`` (°C) and ``period``. A ``dataset.toml`` in the folder says more; it also holds
     for one file of the folder that is read alone. Validation records are those that it names,
     or whose name begins with ``validation``; with none, those that ``options.validate`` matches;
-    else the last quarter of each record.
+    else a quarter of each record, in blocks.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
     >>> print(data.describe())
     run.csv
       run (train): 40 samples, 0.005 s apart, t = 0 to 0.195 s
-      no validation record: the last quarter of each record is held out for validation
+      no validation record: a quarter of each record, in blocks, is held out for validation
       no unit is given for u, y: taken as V, µm; --units u=UNIT,y=UNIT gives others
     """
     options = options or DataOptions()

@@ -163,8 +163,8 @@ class DataOptions:
     sampling_time_s
         Sampling time of records without time column, or whose times are rounded.
     validate
-        Records for validation, as in 'run3*'; by default those named validation..., else the last
-        quarter of each.
+        Records for validation, as in 'run3*'; by default those named validation..., else a
+        quarter of each, in blocks.
     skip_s
         At the start of each record: simulated, and left out of the error.
 

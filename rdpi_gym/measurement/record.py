@@ -229,35 +229,12 @@ def longest_counted(record: Record) -> Record | None:
     return replace(kept, y_um=y, error_mask=np.ones_like(here))
 
 
-def hold_out_quarter(record: Record) -> tuple[Record, Record]:
-    """Split one record into a training and a validation part, each still simulated whole.
+def hold_out_blocks(record: Record, blocks: int = 16, every: int = 4) -> tuple[Record, Record]:
+    """Split one record into blocks of time, a quarter held out, each part still simulated whole.
 
     Both results hold the arrays of `record` in full, so that a simulation carries its memory
-    through; only `error_mask` (and `role`) differ: the last quarter of the samples that count
-    belongs to the second, the others to the first.
-
-    Returns
-    -------
-    tuple of Record
-        The training part and the validation part.
-
-    Examples
-    --------
-    >>> t = np.arange(100) * 1e-3
-    >>> train, validation = hold_out_quarter(Record("sine", t, np.sin(t), np.sin(t), ts_s=1e-3))
-    >>> int(train.error_mask.sum()), int(validation.error_mask.sum()), validation.t_s.size
-    (75, 25, 100)
-    """
-    counted = np.flatnonzero(record.error_mask)
-    held_out = counted[counted.size - counted.size // 4 :]
-    return _parted(record, held_out)
-
-
-def hold_out_blocks(record: Record, blocks: int = 16, every: int = 4) -> tuple[Record, Record]:
-    """Split one record into blocks of time, some held out, each part still simulated whole.
-
-    What changes slowly over a record, as a drift does, is then judged within what was fitted and
-    not beyond it; the last block is held out too.
+    through; only `error_mask` (and `role`) differ. What changes slowly over a record, as a drift
+    does, is then judged within what was fitted and not beyond it; the last block is held out too.
 
     Parameters
     ----------
@@ -269,7 +246,7 @@ def hold_out_blocks(record: Record, blocks: int = 16, every: int = 4) -> tuple[R
     Returns
     -------
     tuple of Record
-        The training part and the validation part, as :func:`hold_out_quarter`.
+        The training part and the validation part.
 
     Examples
     --------
@@ -298,8 +275,8 @@ class Dataset:
 
     `records` holds every record as it was read. What a fit works with are `train` and
     `validation`: simulate each of their records whole and count the error where its `error_mask`
-    is True. Where no record has the role ``validation``, both hold the same records, the last
-    quarter of each counting only in `validation`. Quiet records (constant voltage) are in neither.
+    is True. Where no record has the role ``validation``, both hold the same records, a quarter of
+    each, in blocks, counting only in `validation`. Quiet records (constant voltage) are in neither.
 
     Parameters
     ----------
@@ -327,7 +304,7 @@ class Dataset:
     an example
       sine (train): 100 samples, 0.001 s apart, t = 0 to 0.099 s
       rest (quiet): 100 samples, 0.001 s apart, t = 0 to 0.099 s
-      no validation record: the last quarter of each record is held out for validation
+      no validation record: a quarter of each record, in blocks, is held out for validation
     """
 
     title: str
@@ -364,21 +341,15 @@ class Dataset:
         """Records to fit, `error_mask` True where their error counts."""
         records = self._moving("train")
         if self.holds_out_quarters:
-            return tuple(hold_out_quarter(r)[0] for r in records)
+            return tuple(hold_out_blocks(r)[0] for r in records)
         return records
 
     @property
     def validation(self) -> tuple[Record, ...]:
         """Records to check a fit on, `error_mask` True where their error counts."""
         if self.holds_out_quarters:
-            return tuple(hold_out_quarter(r)[1] for r in self._moving("train"))
+            return tuple(hold_out_blocks(r)[1] for r in self._moving("train"))
         return self._moving("validation")
-
-    @property
-    def in_blocks(self) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
-        """Records to fit and to check where blocks of each of the former are held out in turn."""
-        parts = [hold_out_blocks(r) for r in self._moving("train")]
-        return tuple(fit for fit, _ in parts), tuple(held for _, held in parts)
 
     @property
     def test(self) -> tuple[Record, ...]:
@@ -406,7 +377,8 @@ class Dataset:
                 lines.append(f"    note: {r.note}")
         if self.train and self.holds_out_quarters:
             lines.append(
-                "  no validation record: the last quarter of each record is held out for validation"
+                "  no validation record: a quarter of each record, in blocks, is held out for "
+                "validation"
             )
         lines += [f"  {remark}" for remark in (*self.remarks, self.units_assumed) if remark]
         return "\n".join(lines)

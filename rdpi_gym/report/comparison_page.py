@@ -48,7 +48,7 @@ def write_compare_page(path: Path | str, comparison: Comparison) -> Path:
 def _sections(comparison: Comparison) -> dict[str, Section]:
     """Return the sections, each by the finding that it shows."""
     found = comparison.findings
-    # a record of which the last quarter is held out stands for two traces
+    # a record of which a quarter is held out stands for two traces
     named = {f"{trace.name} ({trace.role})": trace for trace in comparison.traces}
     shown = worst_first(named, rms_um, most=MOST_RECORDS)
     samples = max(500, min(DISPLAY_SAMPLES, _ALL_SAMPLES // len(shown)))
@@ -222,7 +222,7 @@ def _described(found: ModelComparison, k: int) -> str:
 
 
 def _models_sections(found: ModelComparison) -> list[Section]:
-    # a record of which the last quarter is held out stands for two traces
+    # a record of which a quarter is held out stands for two traces
     named: dict[str, dict[str, Trace]] = {}
     for name, comparison in zip(found.names, found.comparisons, strict=True):
         for trace in comparison.traces:

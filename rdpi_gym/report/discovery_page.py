@@ -260,7 +260,8 @@ def candidate_sections(result: SearchResult) -> list[Section]:
     least = in_output(best.errors.validation_rmse_um)
     seen = (
         f"The smallest validation error of the first round is {least}, with {best.effect}. Each "
-        "candidate was refitted together with the rest of the model."
+        "candidate was added alone and refitted with the model: shares of those that explain the same "
+        "error add up to more than 100 %."
         if len(rounds[0]) > 1
         else f"The validation error is {least} with {best.effect}, refitted together with the rest of "
         "the model."

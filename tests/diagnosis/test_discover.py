@@ -134,12 +134,12 @@ def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
     assert Candidate.from_dict(settled.to_dict()).instead == settled.instead
     # where the beginning of a record to judge by is left out, the error is stated with it all the same
     errors = state.outcome.errors
-    assert search.errors_of(state) is errors
+    assert search.errors_of(state.outcome) is errors
     held = search.setting.validation[0]
     search._spared = {held.name: np.arange(held.t_s.size) < held.t_s.size // 3}
     search.setting = leaving_out(search.setting, search._spared)
     assert search.again(state).outcome.errors != errors
-    assert search.errors_of(state) == errors
+    assert search.errors_of(state.outcome) == errors
 
 
 def test_two_hidden_effects_are_both_found():

@@ -14,7 +14,7 @@ from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale
-from rdpi_gym.measurement import Record, example_folder, hold_out_quarter, load
+from rdpi_gym.measurement import Record, example_folder, hold_out_blocks, load
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.cores.play import play_columns
 from rdpi_gym.plant.effects import CATALOGUE
@@ -161,8 +161,8 @@ def test_units_do_not_matter():
 
 
 @over("kind, follows", [(preisach, True), (force, False)])
-def test_held_out_quarters_will_do(kind, follows):
-    train, validation = zip(*(hold_out_quarter(r) for r in measure(kind)[0]), strict=True)
+def test_held_out_blocks_will_do(kind, follows):
+    train, validation = zip(*(hold_out_blocks(r) for r in measure(kind)[0]), strict=True)
     assert (left_by_rdpi(train, validation).share >= FOLLOWS) == follows
 
 

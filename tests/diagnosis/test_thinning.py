@@ -12,6 +12,7 @@ from rdpi_gym.diagnosis import suitability
 from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.refitting import setting_of
 from rdpi_gym.diagnosis.suitability import close_up, thinned
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
@@ -111,6 +112,7 @@ def test_what_was_left_out_is_left_out_of_all_samples(oversampled: Dataset) -> N
     spoilt = replace(recorded.dataset, records=(replace(run, y_um=y_um), other))
     spikes = Finding("spikes", "run", 1, "one outlier")
     search._recorded = replace(recorded, dataset=spoilt, findings=(spikes,))
+    search._stated = setting_of(spoilt)
     search._spared = {"run": search._openings["run"]}
     search.read_all(state, state)
     train = search.setting.train[0]

@@ -57,10 +57,10 @@ def test_what_the_data_do_not_say_is_printed(tmp_path, capsys):
     assert main(["fit", str(tmp_path / "one.csv"), "--out", str(tmp_path), "-n", "5"]) == 0
     shown = capsys.readouterr().out
     assert "δ2 is not determined by these data" in shown
-    assert "last quarter of each record is held out" not in shown
+    assert "in blocks, is held out" not in shown
     words = ["fit", str(tmp_path / "one.csv"), "--out", str(tmp_path), "-n", "5", "--verbose"]
     assert main(words) == 0
-    assert "last quarter of each record is held out" in capsys.readouterr().out
+    assert "in blocks, is held out" in capsys.readouterr().out
 
 
 def test_the_memory_is_shown_where_it_was_free(tmp_path, capsys):

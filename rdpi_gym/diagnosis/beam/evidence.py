@@ -93,13 +93,13 @@ class Evidence:
         looked = inspect(dataset if sign > 0.0 else turned(dataset))
         few = thinned(looked.dataset, looked.openings, READ_SAMPLES)
         found = looked.dataset if few is None else few.dataset
-        train, validation = _parts(found)
-        whole = {r.name: r for r in (*found.train, *found.validation)}
+        train, validation = found.train, found.validation
+        whole = {r.name: r for r in (*train, *validation)}
         return cls(
             train, validation, data_scale((*train, *validation)),
             measured_noise(quiet_noise(found.quiet), tuple(whole.values())),
             looked.findings, orientation(train), sign,
-            None if few is None else _parts(looked.dataset),
+            None if few is None else (looked.dataset.train, looked.dataset.validation),
         )  # fmt: skip
 
     @property
@@ -123,10 +123,3 @@ class Evidence:
     def floor_um(self, lefts: Sequence[Array]) -> float:
         """Return the noise floor (µm rms), by measurement or by what changes from sample to sample."""
         return floor_from(self.noise, rough_parts(lefts), slowness(lefts))[0]
-
-
-def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
-    """Records to fit and to judge by."""
-    if dataset.holds_out_quarters:
-        return dataset.in_blocks
-    return tuple(dataset.train), tuple(dataset.validation)

@@ -241,6 +241,10 @@ def _compared(
     dataset = inspected.dataset
     traces = tuple(trace(record, model) for record in counting)
     unique = {record.name: record for record in counting}
+    whole = traces
+    if dataset.holds_out_quarters:  # blocks are too short for a spectrum
+        kept = [r for r in dataset.records if r.name in unique]
+        whole = tuple(trace(record, model) for record in kept)
     floor, origin = noise_floor(
         dataset.quiet, list(unique.values()), [each.residual_um[each.counted] for each in traces]
     )
@@ -249,7 +253,7 @@ def _compared(
     frequency, amplitude = tables.by_frequency(samples), tables.by_amplitude(samples)
     directions, command = tables.by_direction(samples), tables.by_command(samples)
     plane = tables.plane(samples)
-    spectrum, distortion = spectrum_table(traces, floor), distortion_table(traces)
+    spectrum, distortion = spectrum_table(whole, floor), distortion_table(whole)
     rests, clock = since_rest_table(traces), clock_table(traces)
     say = partial(text_of, quantities=dataset.quantities)
     bare = Comparison(
@@ -271,8 +275,7 @@ def _compared(
         checks=checks,
         left_out=(
             *map(say, _left_out(dataset, samples, plane)),
-            # an opening of unknown history counts all the same
-            *(f.sentence for f in inspected.findings if f.kind != "in motion"),
+            *inspected.left_out,
             *map(say, _remembered(counting, model)),
         ),
         findings={},

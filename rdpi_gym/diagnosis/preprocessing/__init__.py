@@ -38,7 +38,11 @@ _MOST = 0.9  # of the samples that count: a record that loses more is left as it
 
 @dataclass(frozen=True, eq=False)
 class Inspected:
-    """A data set that was looked through."""
+    """A data set that was looked through.
+
+    Its samples count in every error that is stated, of a fit, a comparison, a search and in the
+    laboratory; what a search leaves out of its fits beyond that counts too.
+    """
 
     # The same records. Where a sample is no measurement `error_mask` is False, and spikes, dropouts
     # and frozen stretches are bridged in straight lines, so that what looks at a whole record is
@@ -49,6 +53,11 @@ class Inspected:
     # By record, the samples (``bool[N]``) at its beginning whose history nobody recorded. They
     # still count: whether they are worse than the rest, a fit has to say
     openings: Mapping[str, BoolArray] = field(default_factory=dict)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Sentences on the samples that do not count; beginnings of unknown history do."""
+        return tuple(f.sentence for f in self.findings if f.kind != "in motion")
 
 
 def inspect(dataset: Dataset) -> Inspected:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,7 @@ class History:
     added: Sequence[Candidate] = ()  # what was added, in order
     rounds: Sequence[Sequence[Ranked]] = ()  # the candidates of each round
     last: Sequence[Ranked] = ()  # of these, what the next experiment has to settle
+    states: Sequence[State] = ()  # the models on the way, at which the steps ended
     # As in the result
     removed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -82,13 +84,15 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
     experiment = _next_experiment(search, end, history.last, judgement, groups, probable)
     advice = clocks[0].advice if clocks else experiment
     sentence, shares = _remainder(search, end, judgement, numerical.borne_um)
-    plant = plant_of(search.setting, end.outcome, history.given)
+    stated = {id(s.outcome.errors): search.errors_of(s.outcome) for s in (*history.states, end)}
+    base_errors = search.errors_of(history.base.outcome)
+    end_errors = stated[id(end.outcome.errors)]
+    added = [replace(c, errors=stated.get(id(c.errors), c.errors)) for c in added]
+    plant = plant_of(search.setting, replace(end.outcome, errors=end_errors), history.given)
     left = [simulate_record(plant, record) for record in search.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
     dataset = search.dataset
     say = partial(text_of, quantities=dataset.quantities)
-    base_errors, end_errors = search.errors_of(history.base), search.errors_of(end)
-    added = [replace(c, errors=end_errors) if c.errors is end.outcome.errors else c for c in added]
     warnings = plausibility_warnings(
         left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
     )
@@ -98,7 +102,7 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
         title=search.dataset.title,
         plant=plant,
         steps=steps_of(added),
-        rounds=tuple(tuple(r.candidate for r in ranked) for ranked in history.rounds),
+        rounds=_rounds(search, history.rounds, base_errors, {c.effect for c in added}),
         removed=history.removed,
         noise_floor_um=search.noise_um,
         noise_origin=say(search.noise_origin),
@@ -136,8 +140,31 @@ def conclude(search: ModelSearch, history: History) -> SearchResult:
         ),
         quantities=dataset.quantities,
         core=search.core,
+        within_records=search.is_within,
     )
+    if history.kind == "diagnosis" and len(added) == 1:
+        (chosen,) = added
+        search.seen(replace(end.outcome, effect=chosen.effect, form=chosen.form))
+    found = replace(found, rounds=found.stated_rounds)
     return in_words(found, dataset.quantities)
+
+
+def _rounds(
+    search: ModelSearch, rounds: Sequence[Sequence[Ranked]], base: Errors, added: Container[str]
+) -> tuple[tuple[Candidate, ...], ...]:
+    """Return the candidates of each round as they are stated: what was added, then best first."""
+    found = []
+    for number, ranked in enumerate(rounds):
+        candidates = [
+            capped(c, search.checks, search.catalogue)
+            for c in search.stated(ranked, None if number else base)
+        ]
+        if any(c.errors is not r.candidate.errors for c, r in zip(candidates, ranked, strict=True)):
+            taken = tuple(takewhile(lambda c: c.effect in added, candidates))
+            rest = sorted(candidates[len(taken) :], key=lambda c: c.errors.validation_rmse_um)
+            candidates = [*taken, *rest]
+        found.append(tuple(candidates))
+    return tuple(found)
 
 
 def _probabilities(
@@ -253,7 +280,7 @@ def _given_errors(search: ModelSearch, given: PlantModel[Any] | None) -> Errors 
         return None
     variant = Variant(given.hysteresis, given.effects)
     fit = JointFit(variant, math.nan, (), {}, 0, True)
-    return search.errors_of(State(assess(search.setting, "", fit)))
+    return search.errors_of(assess(search.setting, "", fit))
 
 
 def _views(search: ModelSearch, states: Mapping[str, State]) -> tuple[View, ...]:

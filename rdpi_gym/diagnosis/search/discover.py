@@ -129,6 +129,7 @@ def discover(
         added=[search.final(state, candidate) for candidate in added],
         rounds=rounds,
         last=stage.last,
+        states=stage.states,
         removed=(*stage.removed, *unstable, *improbable),
         notes=(*notes, *why),
     )
@@ -180,7 +181,7 @@ def _starting_with(
     step = replace(first.candidate, errors=state.outcome.errors)
     return SearchState(
         base, state, (step,), (_chosen_first([step], ranked),),
-        {step.effect: search.rivals(base, first.candidate, ranked)}, [first],
+        {step.effect: search.rivals(base, first.candidate, ranked)}, [first], (state,),
     )  # fmt: skip
 
 
@@ -196,6 +197,7 @@ class SearchState:
     # By effect that was added, what came close to it
     rivals: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
     last: Sequence[Ranked] = ()  # of the candidates, those of the last new effect
+    states: tuple[State, ...] = ()  # the models that steps ended at
     removed: tuple[str, ...] = ()  # what was taken out again
 
 
@@ -203,6 +205,7 @@ def _forward_selection(search: ModelSearch, stage: SearchState) -> SearchState:
     """Add effects, or better forms of what is there, until nothing more is earned."""
     base, state, last = stage.base, stage.state, stage.last
     added, rounds, rivals = list(stage.added), list(stage.rounds), dict(stage.rivals)
+    states = list(stage.states)
     while len(rounds) < MOST_ROUNDS and len(added) < MOST_EFFECTS:
         if search.at_floor(state):
             break
@@ -225,8 +228,10 @@ def _forward_selection(search: ModelSearch, stage: SearchState) -> SearchState:
         if spared is not state:
             added = _with_new_errors(added, state, spared)
             base, state = search.again(base), spared
+        states.append(state)
     return replace(
         stage,
+        states=tuple(states),
         base=base,
         state=state,
         added=tuple(added),
@@ -242,7 +247,10 @@ def _chosen(
     """Return what to add, and the base model as it is judged from here on."""
     setting = search.setting
     chosen = search.choose(state, ranked)
-    return (base if search.setting is setting else search.again(base)), chosen
+    if search.setting is not setting:
+        base = search.again(base)
+        search.seen(base.outcome)
+    return base, chosen
 
 
 def _backward_elimination(

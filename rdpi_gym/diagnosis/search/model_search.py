@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
-from rdpi_gym.diagnosis.results import Candidate, Errors
+from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import assess, refit, refit_kinds
 from rdpi_gym.diagnosis.search.plants import in_few_numbers, on_comb
 from rdpi_gym.diagnosis.search.ranking import (
@@ -21,7 +21,6 @@ from rdpi_gym.diagnosis.search.ranking import (
     SETTLED_GAIN,
     better_forms,
     in_best_form,
-    in_blocks,
     not_missed,
     of_effect,
     own_bounds,
@@ -30,7 +29,7 @@ from rdpi_gym.diagnosis.search.ranking import (
     stability,
 )
 from rdpi_gym.diagnosis.search.record_clocks import leaving_out, misleading, missed, unknown_past
-from rdpi_gym.diagnosis.search.refitting import State, setting_of
+from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.search.rounds import Rounds, of_class
 from rdpi_gym.diagnosis.search.separability import typical_effects
 from rdpi_gym.diagnosis.words import template
@@ -279,31 +278,31 @@ class ModelSearch(Pruning):
         return State(outcome), (*self.orientation, *notes)
 
     def read_all(self, base: State, end: State) -> tuple[State, State]:
-        """Return two models refitted and judged on all samples, as everything is from here on."""
+        """Return two models judged on all samples, as everything is from here on.
+
+        The second is refitted, and the first too where a stretch alone was read of some record.
+        """
         if self._thinned is None:
             return base, end
-        self._progress("all samples", 0, 2)
+        self._progress("all samples", 0, 1)
         self._searched, recorded = self.setting, self._recorded
         self.dataset, self._openings = recorded.dataset, recorded.openings
-        setting = replace(setting_of(self.dataset), smoothness=self.setting.smoothness)
-        self._whole = setting = in_blocks(setting) if self._is_within else setting
+        self._whole = setting = replace(self._stated, smoothness=self.setting.smoothness)
         self._spared = {name: self._openings[name] for name in self._spared}
         self.setting, self.findings = leaving_out(setting, self._spared), recorded.findings
         if self._spared:
             kept = (f for f in self.findings if f.kind != "in motion")
             self.findings = (*kept, unknown_past(self._spared))
         self._least, self._whitest = math.inf, None
-        base = self.again(base)
-        self._progress("all samples", 1, 2)
+        if self.reads_in_part:
+            base = self.again(base)
+            self.seen(base.outcome)
+        else:
+            base = State(assess(self.setting, "", base.fit))
+            self._update_noise(base)
         end = self.past_outliers(self.again(end))
-        self._progress("all samples", 2, 2)
+        self._progress("all samples", 1, 1)
         return base, end
-
-    def errors_of(self, state: State) -> Errors:
-        """Errors of a model as they are stated: beginnings that were left out of the fit count too."""
-        if not self._spared:
-            return state.outcome.errors
-        return assess(self._whole, "", state.fit).errors
 
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""

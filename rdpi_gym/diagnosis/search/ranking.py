@@ -63,6 +63,8 @@ class Ranked:
     worse: bool = False  # whether a held-out record becomes clearly worse
     # The largest `train_share` of all the forms that were tried, where a round knows them
     most_train_share: float = 0.0
+    without: Outcome | None = None  # the model that it was added to
+    within: bool = False  # whether it was judged by blocks held out of every record
 
 
 def rank(
@@ -127,10 +129,11 @@ def rank(
                 min(share, train_share) * (_AT_BOUND if own_bounds(outcome) else 1.0),
                 train_share,
                 bool(worse),
+                without=current,
             )
         )
     failed = [o for o in outcomes if o.fit is None]
-    return ranked + [Ranked(o, _failed(o), False) for o in failed]
+    return ranked + [Ranked(o, _failed(o), False, without=current) for o in failed]
 
 
 def not_missed(noise_um: float) -> float:

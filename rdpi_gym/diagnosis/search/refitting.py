@@ -23,7 +23,7 @@ from rdpi_gym.diagnosis.features.noise import (
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect
 from rdpi_gym.diagnosis.preprocessing.faults import spikes
-from rdpi_gym.diagnosis.results import CoreChoice
+from rdpi_gym.diagnosis.results import CoreChoice, Errors
 from rdpi_gym.diagnosis.search.candidates import (
     Bare,
     Outcome,
@@ -84,8 +84,6 @@ from rdpi_gym.support.words import joined
 
 # Of a record, the outliers that a model may show beyond those that were found before.
 _MOST_OUTLIERS = 0.03
-# Samples to fit from which on blocks of them are held out, and not their end.
-_BLOCKS = 64
 # Prices of uneven weights where loops of one size are all there is to fit, and the share of the
 # held-out error that another one has to take.
 _SMOOTHNESS, _SMOOTHER = (0.0, 0.0004, 0.004), 0.04
@@ -163,14 +161,15 @@ class Refitting:
         self.still = quiet_noise(dataset.quiet)
         self.setting = setting_of(dataset)
         train, validation = self.setting.train, self.setting.validation
-        self._whole = self.setting
+        self._whole = self._stated = self.setting
         self._searched: Setting | None = None
         self._close_up: tuple[Record, ...] = ()
         self._floor: tuple[State, tuple[Record, ...], NumericalFloor] | None = None
         self._clocks: tuple[State, float, tuple[Finding, ...]] | None = None
         if self._thinned is not None:
-            self._close_up = close_up(setting_of(inspected.dataset).validation)
-        self._is_within = False
+            self._stated = setting_of(inspected.dataset)
+            self._close_up = close_up(self._stated.validation)
+        self.is_within = False
         self._spared: dict[str, BoolArray] = {}
         self.noise_um, self.noise_origin = math.nan, statement("noise/unknown")
         self._least, self._colour = math.inf, 1.0
@@ -210,6 +209,19 @@ class Refitting:
     def reads_fewer(self) -> str | None:
         """Say which samples the search read, where it did not read all."""
         return None if self._thinned is None else self._thinned.sentence
+
+    @property
+    def reads_in_part(self) -> bool:
+        """Whether the search reads a stretch alone of some record."""
+        return self._thinned is not None and self._thinned.in_part
+
+    def errors_of(self, outcome: Outcome) -> Errors:
+        """Errors of a refit as they are stated: of every sample that inspection without a model left."""
+        here, stated = self.setting, self._stated
+        alike = here.train is stated.train and here.validation is stated.validation
+        if alike or outcome.fit is None:
+            return outcome.errors
+        return assess(stated, "", outcome.fit).errors
 
     def again(self, state: State) -> State:
         """Return a model refitted to the samples that count now."""
@@ -342,13 +354,14 @@ class Refitting:
         core = type(bare.hysteresis)
         return refit_all(
             bare, [t for t in trials if t.kind.fits_in(core)], self._checkpoint, self._pool,
-            lambda done, total: self._progress(task, done, total), least_um, self._seen,
+            lambda done, total: self._progress(task, done, total), least_um, self.seen,
         )  # fmt: skip
 
-    def _seen(self, outcome: Outcome) -> None:
+    def seen(self, outcome: Outcome) -> None:
         """Tell whoever watches that a refit is there."""
         if self._on_candidate is not None:
-            self._on_candidate(refit_of(self.setting, outcome, self._given))
+            stated = replace(outcome, errors=self.errors_of(outcome))
+            self._on_candidate(refit_of(self.setting, stated, self._given))
 
     def _update_noise(self, state: State) -> None:
         records, measured = self._measured()
@@ -479,18 +492,11 @@ class Refitting:
             found = separability(self.setting.train, state.hysteresis, (), bare)
             self._like_rate = found.alike(RATE, _LIKE_RATE)
         self._progress("base model", 1, 1)
-        self._seen(state.outcome)
+        self.seen(state.outcome)
         return state
 
 
 def setting_of(dataset: Dataset) -> Setting:
     """Return the records to fit and to judge, and their size."""
-    train, validation = _parts(dataset)
+    train, validation = dataset.train, dataset.validation
     return Setting(train, validation, data_scale((*train, *validation)))
-
-
-def _parts(dataset: Dataset) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
-    """Records to fit and to judge; without any for the latter, blocks of the former in turn."""
-    if not dataset.holds_out_quarters or min(r.error_mask.sum() for r in dataset.train) < _BLOCKS:
-        return tuple(dataset.train), tuple(dataset.validation)
-    return dataset.in_blocks

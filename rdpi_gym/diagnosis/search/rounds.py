@@ -12,7 +12,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.checks import Check, run_checks
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
-from rdpi_gym.diagnosis.results import Candidate
+from rdpi_gym.diagnosis.results import Candidate, Errors, share_of_excess
 from rdpi_gym.diagnosis.search.candidates import (
     CHANCE,
     SEARCH_SAMPLES,
@@ -26,6 +26,7 @@ from rdpi_gym.diagnosis.search.candidates import (
     refit_kinds,
     taken_by,
 )
+from rdpi_gym.diagnosis.search.plants import on_comb
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
@@ -99,7 +100,7 @@ class Rounds(Refitting):
             leaders = self._pool.map(along, leaders)
         for before, moved in zip(simple, leaders, strict=False):
             if moved.errors != before.errors:
-                self._seen(moved)
+                self.seen(moved)
         outcomes = sorted([*leaders, *simple[_LEADERS:]], key=lambda o: o.mean_square)
         self._floor_from(outcomes)
         if not outcomes:
@@ -116,7 +117,7 @@ class Rounds(Refitting):
         best = in_best_form(outcomes, self.noise_um)
         most = self._most_trained(state, outcomes)
         ranked = [
-            replace(r, most_train_share=most.get(r.candidate.effect, 0.0))
+            replace(r, most_train_share=most.get(r.candidate.effect, 0.0), within=self.is_within)
             for r in rank(state.outcome, best, tried, self.noise_um, self._seed)
         ]
         if not self._rates_alike:
@@ -171,6 +172,46 @@ class Rounds(Refitting):
         if not ranked or ranked[0].outcome.fit is None:
             remarks = [r.outcome.remark for r in ranked] or [*self.remarks]
             raise InputError(f"{kind.name}: {remarks[-1]}")
+
+    def stated(
+        self, ranked: Sequence[Ranked], before: Errors | None = None
+    ) -> tuple[Candidate, ...]:
+        """Return the candidates of a round with their errors and shares as they are stated.
+
+        Those that were judged on a stretch of a record, or before blocks of every record were held
+        out, are judged again, each refitted from where it stands.
+        """
+        if self.reads_in_part or (self.is_within and not all(r.within for r in ranked)):
+            ranked = self._judged_again(ranked)
+        found = []
+        for r in ranked:
+            if r.outcome.fit is None or r.without is None:
+                found.append(r.candidate)
+                continue
+            if before is None:
+                before = self.errors_of(r.without)
+            errors = self.errors_of(r.outcome)
+            share = share_of_excess(before, errors, self.noise_um)
+            found.append(replace(r.candidate, errors=errors, share=share))
+        return tuple(found)
+
+    def _judged_again(self, ranked: Sequence[Ranked]) -> list[Ranked]:
+        """Judge the candidates of a round by the samples that count in the end."""
+        every = [r for r in ranked if r.outcome.fit is not None and r.without is not None]
+        if not every:
+            return [*ranked]
+        assert every[0].without is not None
+        stand = partial(_outcome_as_it_stands, self.setting)
+        now, *moved = self._pool.map(stand, [every[0].without, *(r.outcome for r in every)])
+        if now.fit is None:
+            return [*ranked]
+        for outcome in moved:
+            self.seen(outcome)
+        failed = [r.outcome for r in ranked if r.outcome.fit is None]
+        kinds = [type(o.fitted) for o in moved if o.fit is not None]
+        again = rank(now, [*moved, *failed], kinds, self.noise_um, self._seed)
+        place = [r.candidate.effect for r in ranked]
+        return sorted(again, key=lambda r: place.index(r.candidate.effect))
 
     def rivals(
         self, state: State, chosen: Candidate, field: Sequence[Ranked]
@@ -251,7 +292,7 @@ class Rounds(Refitting):
         What goes by the clock is told of no later record; and where more than one effect is
         missing, one that is added alone can spoil a record that hangs on another.
         """
-        if self.dataset.holds_out_quarters or self._is_within:
+        if self.dataset.holds_out_quarters or self.is_within:
             return []
         asked = self._asked_within(ranked)
         if not asked:
@@ -274,7 +315,8 @@ class Rounds(Refitting):
             return []
         if not self._heard([best]):
             return []
-        self.setting, self._whole, self._is_within = here, in_blocks(self._whole), True
+        self.setting, self.is_within = here, True
+        self._whole, self._stated = map(in_blocks, (self._whole, self._stated))
         self.say(template("within records"))
         return [best]
 
@@ -368,6 +410,14 @@ def _as_it_stands(setting: Setting, fit: JointFit, effect: str = "") -> Outcome:
     return attempt(
         lambda: assess(setting, effect, setting.fit(core, effects, samples=SEARCH_SAMPLES)), effect
     )
+
+
+def _outcome_as_it_stands(setting: Setting, outcome: Outcome) -> Outcome:
+    """Refit an outcome as :func:`_as_it_stands` does, on the whole comb."""
+    assert outcome.fit is not None
+    variant = outcome.fit.variant
+    whole = replace(variant, hysteresis=on_comb(variant.hysteresis, setting.train))
+    return _as_it_stands(setting, replace(outcome.fit, variant=whole), outcome.effect)
 
 
 def _bounds_hit(ranked: Ranked) -> int:

@@ -88,6 +88,7 @@ function drawCards() {
   byId("spare").textContent = `${folded ? "Show" : "Hide"} ${count(spare, "effect")} that ${spare === 1 ? "removes" : "remove"} nothing`;
   byId("spare").setAttribute("aria-expanded", String(!folded));
   byId("cards").classList.toggle("folded", folded);
+  byId("alone").hidden = !cards.length;
   for (const card of cards) {
     const seen = JSON.stringify([card, store.server.current, units(), isSpare(card)]);
     const known = nodes.get(card.effect) ?? {node: h("li", {"data-testid": `card-${card.effect}`})};
