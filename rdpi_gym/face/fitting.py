@@ -217,7 +217,7 @@ def fit(
             name=name,
             progress=progress,
         )
-    return FitResult.of(replace(found, warnings=(*looked.left_out, *found.warnings)))
+    return FitResult.of(replace(found, warnings=(*found.warnings, *looked.left_out)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -151,7 +151,7 @@ def lag(record: Record, bad: BoolArray) -> Lag | None:
         return None
     columns = _columns(u)
     target = y[rows] - y[rows].mean()
-    if not np.any(target):
+    if not target @ target > 0.0:  # too small to be squared, as well
         return None
     found = _best_lag(record, columns, target, rows)
     if found.samples < 0.0:
