@@ -79,7 +79,7 @@ def test_what_the_compiler_refuses_is_said(tmp_path):
 @over("core", BOARDS)
 def test_a_fault_is_said(core, tmp_path):
     source = tmp_path / "far.c"
-    source.write_text("int main(void) { return *(volatile int *)0x60000001; }\n")
+    source.write_text("int main(void) { return *(volatile int *)0x90000001; }\n")
     program = program_of(BOARDS[core], [source], tmp_path / "far.elf")
     with pytest.raises(InputError, match=r"far\.elf on Cortex-M.* ends in a fault"):
         ran(BOARDS[core], program)

@@ -16,6 +16,7 @@ from rdpi_gym.diagnosis.notices import Statement
 from rdpi_gym.measurement.record import Record
 from rdpi_gym.plant import P5, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.support.checks import unaliased
 from rdpi_gym.virtual_lab.dataset import Truth
 
 T_S = 0.02 * np.arange(40)
@@ -38,6 +39,7 @@ def _made() -> dict[Any, Any]:
 
 def example(hint: Any, turn: int = 0) -> Any:
     """Make a small value of an annotated type, its optional parts there, a table in turn."""
+    hint = unaliased(hint)
     kind, inner = get_origin(hint), get_args(hint)  # a user's own code is not saved: empty
     if hint is pd.DataFrame:
         return TABLES[turn % len(TABLES)]
