@@ -112,7 +112,7 @@ def run_unit(unit: Unit, code: str) -> Row:
 
 
 Said = tuple[dict[str, Any], Variant[Core]]
-"""What a row says, and the model."""
+"""Contents of a row, and the model."""
 
 
 def _today(dataset: Dataset) -> Said:

@@ -578,22 +578,25 @@ def tangents(
     """Linearise a model on the samples that :func:`kept_samples` names."""
     core, effects = variant.hysteresis, variant.effects
     problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    return Tangents(problem.rows(variant), _moves(variant, problem.free))
+
+
+def _moves(variant: Variant[Any], free: Sequence[Free]) -> BoolArray:
+    """Whether each gain is above zero or of either sign, and each free number inside its bounds."""
+    core = variant.hysteresis
     gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
-    inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
-    return Tangents(problem.rows(variant), np.concatenate([gains, inside]))
+    inside = np.array([any(number.ways(variant)) for number in free], dtype=np.bool_)
+    return np.concatenate([gains, inside])
 
 
 def _tangents_of(variant: Variant[Any], free: Sequence[Free], at: _Pass, gains: Array) -> Tangents:
     """Linearise a model by a pass whose place had other gains."""
-    core = variant.hysteresis
-    further = np.array(core.gains) - gains
+    further = np.array(variant.hysteresis.gains) - gains
     rows = [
         np.column_stack([own, change[:, :-1], change[:, -1] - own @ further])
         for own, change in zip(at.columns, at.changes, strict=True)
     ]
-    moves = (np.array(core.gains) > 0.0) | np.array(core.signed)
-    inside = np.array([any(n.ways(variant)) for n in free], dtype=np.bool_)
-    return Tangents(rows, np.concatenate([moves, inside]))
+    return Tangents(rows, _moves(variant, free))
 
 
 def tangents_near(
@@ -602,13 +605,11 @@ def tangents_near(
     """Linearise a model, given the derivatives by the gains of another one near by."""
     core, effects = variant.hysteresis, variant.effects
     problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
-    inside = np.array([any(n.ways(variant)) for n in problem.free], dtype=np.bool_)
-    gains = (np.array(core.gains) > 0.0) | np.array(core.signed)
     rows = [
         np.hstack([own, change])
         for own, change in zip(columns, problem.changes(variant), strict=True)
     ]
-    return Tangents(rows, np.concatenate([gains, inside]))
+    return Tangents(rows, _moves(variant, problem.free))
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ def evaluate(stack: Stack, theta: Array, expected: Array, offsets: Array, bounds
 
 
 def _offsets(means: Array, weights: Array) -> Array:
-    """What weights leave of each record's mean displacement (µm)."""
+    """Mean displacement of each record less that of a model with some weights (µm)."""
     left: Array = means[:, weights.size] - means[:, : weights.size] @ weights
     return left
 

@@ -93,7 +93,7 @@ def largest_difference(lanes, steps, episode, seed=7, **keywords):
 
 @over("name", ["Load", "Ageing", "Measured"])
 def test_privileged_values_of_lanes_are_those_of_single_environments(name):
-    """Of plants that change within an episode, that were worn before it, and of six kinds; over a reset."""
+    """Plants that change within an episode, that were worn before it, and of six kinds; over a reset."""
     task = {"id": f"rdpi_gym/Piezo{name}-v0", "privileged": True, "max_episode_steps": 60}
     envs = gym.make_vec(num_envs=3, autoreset_mode="SameStep", **task)
     singles = [gym.make(**task) for _ in range(3)]

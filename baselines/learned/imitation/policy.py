@@ -289,7 +289,7 @@ def input_count(base: CorrectedAdaptive) -> int:
 
 
 SCALE_SPREAD = 0.1
-"""Relative difference of two strokes that a student does not mind."""
+"""Largest relative difference of two strokes at which a student is used without a warning."""
 
 
 def is_like(layout: ObservationLayout, taught: ObservationLayout) -> bool:

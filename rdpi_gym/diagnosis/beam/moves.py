@@ -110,7 +110,7 @@ class Place:
         return blocks, floor_um, float(blocks.scores(lefts, floor_um).mean())
 
     def _gain(self, lefts: Sequence[Array]) -> float:
-        """What is gained where so much is left (nats a block)."""
+        """Gain of these residuals over those of the set (nats a block)."""
         blocks, floor_um, here = self._blocks
         return here - float(blocks.scores(lefts, floor_um).mean())
 

@@ -82,7 +82,7 @@ def _of_one_form(
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """What a start promises beside a set."""
+    """Predicted gain of a start beside a set."""
 
     signature: Signature
     step: Array  # Of the effect's parameters
@@ -130,7 +130,7 @@ class Foresight:
 
     @property
     def lefts(self) -> list[Array]:
-        """What the set leaves (µm), by record: those to fit, then those to judge by."""
+        """Residual of the set (µm), by record: those to fit, then those to judge by."""
         return self._by_record(self._left)
 
     def promises(self, offered: Sequence[Signature]) -> list[Promise]:
