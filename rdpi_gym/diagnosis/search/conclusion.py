@@ -1,40 +1,50 @@
-"""Conclusion of a search: verdict on the last model, residual, next experiment."""
+"""Conclusion of a search, however it was searched: verdict on the last model, residual, next experiment."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
 
-from rdpi_gym.diagnosis.notices import Code, Notice, statement
+from rdpi_gym.diagnosis.checks import Check
+from rdpi_gym.diagnosis.features.noise import quiet_noise
+from rdpi_gym.diagnosis.notices import Code, Notice, Statement, statement
 from rdpi_gym.diagnosis.portrait import Portrait
-from rdpi_gym.diagnosis.probability import Probabilities, probabilities
-from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, Left, SearchResult, View, steps_of
-from rdpi_gym.diagnosis.search.candidates import assess
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.portrait.drawing import draw
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
+from rdpi_gym.diagnosis.preprocessing import Finding
+from rdpi_gym.diagnosis.probability import Probabilities
+from rdpi_gym.diagnosis.results import (
+    Candidate,
+    CoreChoice,
+    Errors,
+    Kind,
+    Left,
+    SearchResult,
+    View,
+    steps_of,
+)
+from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
-from rdpi_gym.diagnosis.search.plants import plant_of
-from rdpi_gym.diagnosis.search.ranking import Ranked
-from rdpi_gym.diagnosis.search.refitting import State
+from rdpi_gym.diagnosis.search.plants import on_comb, plant_of
 from rdpi_gym.diagnosis.search.residual_share import FOUND, remainder
-from rdpi_gym.diagnosis.search.rounds import capped
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects, what_to_measure
-from rdpi_gym.diagnosis.search.verdict import Judgement, judge
+from rdpi_gym.diagnosis.search.verdict import Judgement, NumericalFloor, judge
 from rdpi_gym.diagnosis.words import in_words, template, text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.joint import NO_FIT, JointFit
 from rdpi_gym.identification.plausibility import plausibility_warnings
 from rdpi_gym.identification.residuals import simulate_record
+from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import Effect
-from rdpi_gym.plant.effects.base import kin_of
 from rdpi_gym.plant.effects.unknown import Unknown
+from rdpi_gym.support.progress import Progress, silent
 
 Groups = tuple[tuple[str, ...], ...]
 
@@ -42,189 +52,190 @@ Groups = tuple[tuple[str, ...], ...]
 _NEAREST = 3
 
 
-@dataclass(frozen=True)
-class History:
-    """History of a search."""
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """What a search ends with: its records, two models, and what it found about each effect."""
 
     began: float  # reading of the clock at its start (s)
     kind: Kind  # what was asked
     given: PlantModel[Any] | None  # the model that it started from
+    dataset: Dataset  # as inspection left it
+    catalogue: Mapping[str, type[Effect]]  # effects that were offered
+    # All samples that count in the end, those that the search read, and a stretch as recorded
+    setting: Setting
+    searched: Setting
+    close_up: Setting
     # The base model refitted, and the model that is saved
-    base: State
-    end: State
+    base: Outcome
+    end: Outcome
+    # Errors of both and of the model as given, as they are stated
+    base_errors: Errors
+    end_errors: Errors
+    given_errors: Errors | None
+    noise_um: float
+    noise_origin: Statement
+    numerical: NumericalFloor  # of the last model
+    checks: Sequence[Check]
+    limits: tuple[Notice, ...]
+    findings: tuple[Finding, ...]
+    core: CoreChoice
     added: Sequence[Candidate] = ()  # what was added, in order
-    rounds: Sequence[Sequence[Ranked]] = ()  # the candidates of each round
-    last: Sequence[Ranked] = ()  # of these, what the next experiment has to settle
-    states: Sequence[State] = ()  # the models on the way, at which the steps ended
+    rounds: tuple[tuple[Candidate, ...], ...] = ()  # the candidates of each round
+    last: Sequence[Candidate] = ()  # of these, what the next experiment has to settle
+    probabilities: Probabilities | None = None
+    clocks: tuple[Finding, ...] = ()  # records whose clock is wrong by the last model
+    undecided: str | None = None
+    reads_fewer: str | None = None
     # As in the result
     removed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    within_records: bool = False
+    seed: int = 0
+    progress: Progress = silent
+
+    @property
+    def fit(self) -> JointFit:
+        """The last refit."""
+        assert self.end.fit is not None
+        return self.end.fit
+
+    @property
+    def variant(self) -> Variant[Core]:
+        """The last model."""
+        return self.fit.variant
 
 
-def conclude(search: ModelSearch, history: History) -> SearchResult:
+def conclude(ending: Ending) -> SearchResult:
     """Judge the model that a search ends with, and say what is left and what would decide."""
-    history = _on_all_samples(search, history)
-    end, checks = history.end, search.checks
-    # last of all: no cap decides what is added
-    added = [capped(candidate, checks, search.catalogue) for candidate in history.added]
-    search.final_noise(end)
-    numerical = search.numerical(end)
+    dataset, added = ending.dataset, ending.added
     judgement = judge(
-        search.close_up,
-        end.fit.variant,
-        end.outcome.errors.validation_rmse_um,
-        search.noise_um,
-        numerical,
+        ending.close_up,
+        ending.variant,
+        ending.end.errors.validation_rmse_um,
+        ending.noise_um,
+        ending.numerical,
         bool(added),
     )
-    groups = _groups(search, end)
-    clocks = search.clocks(end)
-    chances = _probabilities(search, history, added)
-    probable = () if chances is None else chances.probable
-    experiment = _next_experiment(search, end, history.last, judgement, groups, probable)
-    advice = clocks[0].advice if clocks else experiment
-    sentence, shares = _remainder(search, end, judgement, numerical.borne_um)
-    stated = {id(s.outcome.errors): search.errors_of(s.outcome) for s in (*history.states, end)}
-    base_errors = search.errors_of(history.base.outcome)
-    end_errors = stated[id(end.outcome.errors)]
-    added = [replace(c, errors=stated.get(id(c.errors), c.errors)) for c in added]
-    plant = plant_of(search.setting, replace(end.outcome, errors=end_errors), history.given)
-    left = [simulate_record(plant, record) for record in search.setting.train]
+    groups = _groups(ending)
+    experiment = _next_experiment(ending, judgement, groups)
+    advice = ending.clocks[0].advice if ending.clocks else experiment
+    sentence, shares = _remainder(ending, judgement)
+    portrait, troubles = _portrait(ending, shares)
+    plant = plant_of(ending.setting, replace(ending.end, errors=ending.end_errors), ending.given)
+    left = [simulate_record(plant, record) for record in ending.setting.train]
     label = f"with {added[0].effect}" if len(added) == 1 else "with effects"
-    dataset = search.dataset
-    say = partial(text_of, quantities=dataset.quantities)
+    quantities = dataset.quantities
+
+    def say(found: Notice | Statement) -> str:
+        return text_of(found, quantities=quantities)
+
     warnings = plausibility_warnings(
-        left, quantities=dataset.quantities, clockwise=plant.hysteresis.clockwise
+        left, quantities=quantities, clockwise=plant.hysteresis.clockwise
     )
     keep = [record.name for record in dataset.records]
     found = SearchResult(
-        kind=history.kind,
-        title=search.dataset.title,
+        kind=ending.kind,
+        title=dataset.title,
         plant=plant,
         steps=steps_of(added),
-        rounds=_rounds(search, history.rounds, base_errors, {c.effect for c in added}),
-        removed=history.removed,
-        noise_floor_um=search.noise_um,
-        noise_origin=say(search.noise_origin),
-        numerical_floor_um=numerical.total_um,
-        base=base_errors,
-        final=end_errors,
-        given=_given_errors(search, history.given),
+        rounds=ending.rounds,
+        removed=ending.removed,
+        noise_floor_um=ending.noise_um,
+        noise_origin=say(ending.noise_origin),
+        numerical_floor_um=ending.numerical.total_um,
+        base=ending.base_errors,
+        final=ending.end_errors,
+        given=ending.given_errors,
         verdict=judgement.verdict,
         sampling=None if judgement.sampling is None else say(judgement.sampling),
         reservation=judgement.sampling,
-        undecided=search.undecided,
+        undecided=ending.undecided,
         unexplained_rmse_um=math.sqrt(
-            max(end_errors.validation_rmse_um**2 - search.noise_um**2, 0.0)
+            max(ending.end_errors.validation_rmse_um**2 - ending.noise_um**2, 0.0)
         ),
         remainder=sentence,
         left=shares,
-        portrait=_portrait(search, history, shares),
+        portrait=portrait,
         next_experiment=None if advice is None else say(advice),
         advice=advice,
         indistinguishable=groups,
         findings=tuple(
-            replace(each, quantities=dataset.quantities) for each in (*search.findings, *clocks)
+            replace(each, quantities=quantities) for each in (*ending.findings, *ending.clocks)
         ),
-        limits=tuple(map(say, search.limits)),
-        limit_notices=search.limits,
-        probabilities=chances,
-        checks=tuple(check.sentence for check in checks),
-        views=_views(search, {"base model": history.base} | ({label: end} if added else {})),
-        seconds=time.perf_counter() - history.began,
+        limits=tuple(map(say, ending.limits)),
+        limit_notices=ending.limits,
+        probabilities=ending.probabilities,
+        checks=tuple(check.sentence for check in ending.checks),
+        views=_views(ending, {"base model": ending.base} | ({label: ending.end} if added else {})),
+        seconds=time.perf_counter() - ending.began,
         notes=(
-            *(dataset.quantities.said(warning, keep) for warning in warnings),
-            *search.remarks,
-            *history.notes,
-            *([search.reads_fewer] if search.reads_fewer else []),
+            *(quantities.said(warning, keep) for warning in warnings),
+            *ending.notes,
+            *troubles,
+            *([ending.reads_fewer] if ending.reads_fewer else []),
         ),
-        quantities=dataset.quantities,
-        core=search.core,
-        within_records=search.is_within,
+        quantities=quantities,
+        core=ending.core,
+        within_records=ending.within_records,
     )
-    if history.kind == "diagnosis" and len(added) == 1:
-        (chosen,) = added
-        search.seen(replace(end.outcome, effect=chosen.effect, form=chosen.form))
-    found = replace(found, rounds=found.stated_rounds)
-    return in_words(found, dataset.quantities)
+    return in_words(replace(found, rounds=found.stated_rounds), quantities)
 
 
-def _rounds(
-    search: ModelSearch, rounds: Sequence[Sequence[Ranked]], base: Errors, added: Container[str]
-) -> tuple[tuple[Candidate, ...], ...]:
-    """Return the candidates of each round as they are stated: what was added, then best first."""
-    found = []
-    for number, ranked in enumerate(rounds):
-        candidates = [
-            capped(c, search.checks, search.catalogue)
-            for c in search.stated(ranked, None if number else base)
-        ]
-        if any(c.errors is not r.candidate.errors for c, r in zip(candidates, ranked, strict=True)):
-            taken = tuple(takewhile(lambda c: c.effect in added, candidates))
-            rest = sorted(candidates[len(taken) :], key=lambda c: c.errors.validation_rmse_um)
-            candidates = [*taken, *rest]
-        found.append(tuple(candidates))
-    return tuple(found)
-
-
-def _probabilities(
-    search: ModelSearch, history: History, added: Sequence[Candidate]
-) -> Probabilities | None:
-    """Return how probable each effect is; they are known of whole discoveries alone."""
-    if history.kind != "discovery":
-        return None
-    tried = [r.candidate for r in history.rounds[0]] if history.rounds else []
-    course = search.course(history.base, history.end, added, tried)
-    return probabilities(course, kin_of(search.catalogue))
-
-
-def _on_all_samples(search: ModelSearch, history: History) -> History:
-    """Return a search whose models are those of all samples, where it read fewer."""
-    if search.reads_fewer is None:
-        return history
-    last = history.end.outcome.errors
-    base, end = search.read_all(history.base, history.end)
-    added = [
-        search.final(end, replace(c, errors=end.outcome.errors) if c.errors is last else c)
-        for c in history.added
-    ]
-    return replace(history, base=base, end=end, added=added)
-
-
-def _remainder(
-    search: ModelSearch, state: State, judgement: Judgement, numerical_um: float
-) -> tuple[str, Left | None]:
+def _remainder(ending: Ending, judgement: Judgement) -> tuple[str, Left | None]:
     """Say whether what is left follows from the input, and how surely."""
     if judgement.verdict != "unexplained":
         return template("left", rest=statement(f"rest/{judgement.rest}")), None
-    clocks = search.clocks(state)
-    if clocks:
-        late = tuple(finding.record for finding in clocks)
+    if ending.clocks:
+        late = tuple(finding.record for finding in ending.clocks)
         return template("left/clock", records=late), None
-    setting = search.searched
-    variant, noise_um = state.fit.variant, search.noise_um
-    others = other_inputs(variant, setting.train, setting.validation, noise_um)
+    setting, noise_um = ending.searched, ending.noise_um
+    others = other_inputs(ending.variant, setting.train, setting.validation, noise_um)
     found = remainder(
-        variant,
+        ending.variant,
         setting.train,
         setting.validation,
         setting.scale,
         noise_um,
-        numerical_um,
-        search.still,
+        ending.numerical.borne_um,
+        quiet_noise(ending.dataset.quiet),
     )
     left = Left(found.share, found.low, found.high, found.repeats, found.hidden_um, found.left_um)
     return f"{said_of(others)} {found.sentence}".strip(), left
 
 
-def _portrait(search: ModelSearch, history: History, left: Left | None) -> Portrait | None:
+def _portrait(ending: Ending, left: Left | None) -> tuple[Portrait | None, list[str]]:
     """Draw what is left, where it follows from the command and no block stands for it already."""
-    present = {effect.name for effect in history.end.effects}
-    searched = history.kind in ("diagnosis", "discovery") and search.undecided is None
+    present = {effect.name for effect in ending.variant.effects}
+    searched = ending.kind in ("diagnosis", "discovery") and ending.undecided is None
     if not searched or left is None or left.low < FOUND or Unknown.name in present:
-        return None
-    last = [r.candidate for r in history.rounds[-1]] if history.rounds else []
-    return search.portrait(history.end, nearest_of(last, history.end.effects))
+        return None, []
+    last = ending.rounds[-1] if ending.rounds else ()
+    return portrayed(
+        ending.searched, ending.fit, ending.catalogue,
+        nearest_of(last, ending.variant.effects), ending.seed, ending.progress,
+    )  # fmt: skip
+
+
+def portrayed(
+    setting: Setting,
+    fit: JointFit,
+    catalogue: Mapping[str, type[Effect]],
+    nearest: Sequence[Candidate],
+    seed: int,
+    progress: Progress,
+) -> tuple[Portrait | None, list[str]]:
+    """Draw the portrait of what a model misses, beside the effects that came nearest; say why not."""
+    core, effects = fit.variant.hysteresis, fit.variant.effects
+    try:
+        fitted = setting.fit(on_comb(core, setting.train), effects).variant
+        # smooth weights are those of the whole comb
+        plays = fitted.hysteresis if setting.smoothness else fitted.hysteresis.pruned()
+        typical = typical_effects(catalogue, setting.scale)
+        kin = {c.effect: typical[c.effect] for c in nearest if c.effect in typical}
+        forms = learn_forms(setting, plays, fitted.effects, Unknown, progress)
+        return draw(setting, plays, fitted.effects, forms, kin, seed, progress), []
+    except NO_FIT as error:
+        return None, [template("no portrait", error=error)]
 
 
 def nearest_of(ranked: Sequence[Candidate], present: Sequence[Effect]) -> list[Candidate]:
@@ -234,65 +245,54 @@ def nearest_of(ranked: Sequence[Candidate], present: Sequence[Effect]) -> list[C
     return sorted(others, key=lambda c: -c.share)[:_NEAREST]
 
 
-def _next_experiment(
-    search: ModelSearch,
-    state: State,
-    chosen: Sequence[Ranked],
-    judgement: Judgement,
-    groups: Groups,
-    probable: Sequence[str],
-) -> Notice | None:
+def _next_experiment(ending: Ending, judgement: Judgement, groups: Groups) -> Notice | None:
     """Name the experiment that would decide what these data cannot, `groups` among it."""
-    if search.undecided is not None:
+    if ending.undecided is not None:
         return Notice(Code.STANDARD)
-    if search.core.advice is not None and judgement.sampling is None:
-        return search.core.advice
-    scale = search.setting.scale
+    if ending.core.advice is not None and judgement.sampling is None:
+        return ending.core.advice
+    scale, chances = ending.setting.scale, ending.probabilities
     return what_to_measure(
-        [r.candidate for r in chosen],
-        state.effects,
-        typical_effects(search.catalogue, scale),
+        ending.last,
+        ending.variant.effects,
+        typical_effects(ending.catalogue, scale),
         groups,
-        state.hysteresis,
+        ending.variant.hysteresis,
         scale,
         None if judgement.sampling is None else judgement.again,
-        search.findings,
-        search.limits,
+        ending.findings,
+        ending.limits,
         judgement.verdict != "unexplained",
-        probable,
-        [record.name for record in search.dataset.records],
+        () if chances is None else chances.probable,
+        [record.name for record in ending.dataset.records],
     )
 
 
-def _groups(search: ModelSearch, state: State) -> Groups:
+def _groups(ending: Ending) -> Groups:
     """Return the classes of effects that the records to fit cannot tell apart."""
-    present = {e.name for e in state.effects}
-    kinds = {n: k for n, k in search.catalogue.items() if n not in present}
-    effects = typical_effects(kinds, search.setting.scale)
-    train = search.searched.train
-    found = separability(train, state.hysteresis, state.effects, effects)
-    return found.groups(search.noise_um)
+    core, present = ending.variant.hysteresis, ending.variant.effects
+    have = {e.name for e in present}
+    kinds = {n: k for n, k in ending.catalogue.items() if n not in have}
+    effects = typical_effects(kinds, ending.setting.scale)
+    found = separability(ending.searched.train, core, present, effects)
+    return found.groups(ending.noise_um)
 
 
-def _given_errors(search: ModelSearch, given: PlantModel[Any] | None) -> Errors | None:
-    """Return the errors of the model as it was given."""
-    if given is None:
-        return None
-    variant = Variant(given.hysteresis, given.effects)
-    fit = JointFit(variant, math.nan, (), {}, 0, True)
-    return search.errors_of(assess(search.setting, "", fit))
+def as_it_is(setting: Setting, model: PlantModel[Any]) -> Outcome:
+    """Errors of a model as it was given."""
+    variant = Variant(model.hysteresis, model.effects)
+    return assess(setting, "", JointFit(variant, math.nan, (), {}, 0, True))
 
 
-def _views(search: ModelSearch, states: Mapping[str, State]) -> tuple[View, ...]:
+def _views(ending: Ending, models: Mapping[str, Outcome]) -> tuple[View, ...]:
     """Return the records with what each model makes of them."""
     found = []
-    setting = search.setting
-    for record in dict.fromkeys((*setting.train, *setting.validation)):
-        models = {}
-        for label, state in states.items():
-            y = simulate_effects([state.fit.variant], record)[:, 0]
-            counted = record.error_mask
-            models[label] = y + float(np.mean((record.y_um - y)[counted]))
-        shown = (record.t_s, record.u_V, record.y_um, models, counted.astype(np.float64))
-        found.append(View(record.name, record.role, *shown))
+    for record in dict.fromkeys((*ending.setting.train, *ending.setting.validation)):
+        shown, counted = {}, record.error_mask
+        for label, outcome in models.items():
+            assert outcome.fit is not None
+            y = simulate_effects([outcome.fit.variant], record)[:, 0]
+            shown[label] = y + float(np.mean((record.y_um - y)[counted]))
+        columns = (record.t_s, record.u_V, record.y_um, shown, counted.astype(np.float64))
+        found.append(View(record.name, record.role, *columns))
     return tuple(found)

@@ -16,7 +16,8 @@ from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors, SearchResult
 from rdpi_gym.diagnosis.search.candidates import assess
-from rdpi_gym.diagnosis.search.conclusion import History, conclude, nearest_of
+from rdpi_gym.diagnosis.search.conclusion import nearest_of, portrayed
+from rdpi_gym.diagnosis.search.history import History, conclude
 from rdpi_gym.diagnosis.search.model_search import ModelSearch
 from rdpi_gym.diagnosis.search.plants import OnCandidate, Refit, refit_of
 from rdpi_gym.diagnosis.search.ranking import Ranked
@@ -342,7 +343,10 @@ def portray(
         raise InputError(f"the model has {Unknown.name} already; portray the model without it")
     search = ModelSearch(dataset, CATALOGUE, 1, seed, progress, None)
     base = search.base(given)
-    drawn = search.portrait(base, nearest_of(ranked, base.effects))
+    nearest = nearest_of(ranked, base.effects)
+    drawn, _ = portrayed(
+        search.searched, base.fit, search.catalogue, nearest, seed, search.progress
+    )
     return in_words(drawn, dataset.quantities)
 
 

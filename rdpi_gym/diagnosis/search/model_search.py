@@ -7,13 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from rdpi_gym.diagnosis.portrait import Portrait
-from rdpi_gym.diagnosis.portrait.drawing import draw
-from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate
 from rdpi_gym.diagnosis.search.candidates import assess, refit, refit_kinds
-from rdpi_gym.diagnosis.search.plants import in_few_numbers, on_comb
+from rdpi_gym.diagnosis.search.plants import in_few_numbers
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
     LEAST_GAIN,
@@ -31,12 +28,9 @@ from rdpi_gym.diagnosis.search.ranking import (
 from rdpi_gym.diagnosis.search.record_clocks import leaving_out, misleading, missed, unknown_past
 from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.search.rounds import Rounds, of_class
-from rdpi_gym.diagnosis.search.separability import typical_effects
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.joint import NO_FIT
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.effects.base import Effect, forms_of, in_chain_order
-from rdpi_gym.plant.effects.unknown import Unknown
 
 
 class Pruning(Rounds):
@@ -46,7 +40,7 @@ class Pruning(Rounds):
         """Take out what is not missed when it is gone."""
         removed: list[str] = []
         for name in added if len(added) > 1 else ():
-            self._progress("backward elimination", len(removed), len(added))
+            self.progress("backward elimination", len(removed), len(added))
             without = self.without(state, [name])
             loss = without.outcome.mean_square - state.outcome.mean_square
             if loss < not_missed(self.noise_um):
@@ -67,7 +61,7 @@ class Pruning(Rounds):
         if now.fit is None:
             return state, []
         tried = refit_kinds(self._pool, whole, state.hysteresis, state.effects, forms_of(kind))
-        ranked = rank(now, in_best_form(tried, self.noise_um), [kind], self.noise_um, self._seed)
+        ranked = rank(now, in_best_form(tried, self.noise_um), [kind], self.noise_um, self.seed)
         best = ranked[0]
         if best.outcome.fit is None or not best.earned:
             return state, []
@@ -117,7 +111,7 @@ class Pruning(Rounds):
         """Try simpler forms of the effects back; return what was given up, in sentences."""
         outcome, given_up = simplified(
             self.setting, state.outcome, state.hysteresis, self.noise_um,
-            lambda done, total: self._progress("simpler forms", done, total),
+            lambda done, total: self.progress("simpler forms", done, total),
         )  # fmt: skip
         notes = [template("simpler", effect=n, form=repr(form)) for n, form in given_up.items()]
         return State(outcome), tuple(notes)
@@ -134,7 +128,7 @@ class Pruning(Rounds):
             if not kinds:
                 settled.append(replace(step, indistinguishable=()))
                 continue
-            self._progress(f"rivals of {step.effect}", 0, len(kinds))
+            self.progress(f"rivals of {step.effect}", 0, len(kinds))
             outcomes = refit_kinds(self._pool, self.setting, state.hysteresis, others, kinds)
             instead = {
                 o.effect: o.errors.validation_rmse_um
@@ -151,7 +145,7 @@ class Pruning(Rounds):
                 continue
             ranked = rank(
                 without, [own, *outcomes], [*kinds, self.catalogue[step.effect]], self.noise_um,
-                self._seed, SETTLED_GAIN,
+                self.seed, SETTLED_GAIN,
             )  # fmt: skip
             best = ranked[0]
             if step.effect in (best.candidate.effect, *best.candidate.indistinguishable):
@@ -193,8 +187,8 @@ class ModelSearch(Pruning):
             for c in added
         }
         found = stability(
-            self.setting, state.outcome, judged, self.dataset.holds_out_quarters, self._seed,
-            lambda done, total: self._progress("splits of the records", done, total),
+            self.setting, state.outcome, judged, self.dataset.holds_out_quarters, self.seed,
+            lambda done, total: self.progress("splits of the records", done, total),
             self._pool,
         )  # fmt: skip
         known = [
@@ -284,7 +278,7 @@ class ModelSearch(Pruning):
         """
         if self._thinned is None:
             return base, end
-        self._progress("all samples", 0, 1)
+        self.progress("all samples", 0, 1)
         self._searched, recorded = self.setting, self._recorded
         self.dataset, self._openings = recorded.dataset, recorded.openings
         self._whole = setting = replace(self._stated, smoothness=self.setting.smoothness)
@@ -301,28 +295,10 @@ class ModelSearch(Pruning):
             base = State(assess(self.setting, "", base.fit))
             self._update_noise(base)
         end = self.past_outliers(self.again(end))
-        self._progress("all samples", 1, 1)
+        self.progress("all samples", 1, 1)
         return base, end
 
     def final_noise(self, state: State) -> None:
         """Take the noise's colour from the model that is saved."""
         self._least = math.inf
         self._update_noise(state)
-
-    def portrait(self, state: State, nearest: Sequence[Candidate]) -> Portrait | None:
-        """Draw the portrait of what a model misses, beside the effects that came nearest to it."""
-        try:
-            return self._drawn(state, nearest)
-        except NO_FIT as error:
-            self.say(template("no portrait", error=error))
-            return None
-
-    def _drawn(self, state: State, nearest: Sequence[Candidate]) -> Portrait | None:
-        setting = self.searched
-        whole = on_comb(state.hysteresis, setting.train)
-        fitted = State(assess(setting, "", setting.fit(whole, state.effects)))
-        typical = typical_effects(self.catalogue, setting.scale)
-        kin = {c.effect: typical[c.effect] for c in nearest if c.effect in typical}
-        plays, present = self._plays(fitted), fitted.effects
-        forms = learn_forms(setting, plays, present, Unknown, self._progress)
-        return draw(setting, plays, present, forms, kin, self._seed, self._progress)

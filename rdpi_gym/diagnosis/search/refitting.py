@@ -177,10 +177,10 @@ class Refitting:
         self._pooled: (
             tuple[tuple[tuple[Record, ...], ...], tuple[Record, ...], MeasuredNoise] | None
         ) = None
-        self._pool, self._seed = Pool(jobs), seed
+        self._pool, self.seed = Pool(jobs), seed
         self._on_candidate = on_candidate
         self._given: PlantModel[Any] | None = None
-        self._progress = progress or (lambda task, done, total: None)
+        self.progress = progress or (lambda task, done, total: None)
         self._checkpoint = Checkpoint(checkpoint, (*train, *validation))
         remark = self._checkpoint.remark
         self.remarks: tuple[str, ...] = () if remark is None else (remark,)
@@ -354,7 +354,7 @@ class Refitting:
         core = type(bare.hysteresis)
         return refit_all(
             bare, [t for t in trials if t.kind.fits_in(core)], self._checkpoint, self._pool,
-            lambda done, total: self._progress(task, done, total), least_um, self.seen,
+            lambda done, total: self.progress(task, done, total), least_um, self.seen,
         )  # fmt: skip
 
     def seen(self, outcome: Outcome) -> None:
@@ -409,12 +409,12 @@ class Refitting:
             return CoreChoice(RDPI.name, clockwise=clockwise)
         if asked is not None and asked != AUTO:
             return CoreChoice(asked, clockwise=clockwise)
-        ways = fit_kinds(self.setting, [RDPI, *turning(clockwise)], self._progress, say=self.say)
+        ways = fit_kinds(self.setting, [RDPI, *turning(clockwise)], self.progress, say=self.say)
         if asked is None or not ways:  # RDPI as long as no other kind is clearly better
             own = next((way.outcome for way in ways if way.kind is RDPI), None)
-            if not ways or (own is not None and not instead(ways, own, self._seed)):
+            if not ways or (own is not None and not instead(ways, own, self.seed)):
                 return CoreChoice(RDPI.name, clockwise=clockwise)
-        return choose(self.setting, ways, clockwise, self._seed)
+        return choose(self.setting, ways, clockwise, self.seed)
 
     def other_core(self, state: State) -> CoreChoice | None:
         """Return another core that explains what an RDPI model with all its effects does not, if any.
@@ -435,21 +435,21 @@ class Refitting:
         kinds = [k for k in turning(self.core.clockwise) if much or not k.loose]
 
         def better(ways: Sequence[Fitted]) -> list[Fitted]:
-            if much and instead(ways, state.outcome, self._seed):
+            if much and instead(ways, state.outcome, self.seed):
                 return list(ways)
-            return simpler(ways, Fitted(RDPI, state.outcome), self.noise_um, self._seed)
+            return simpler(ways, Fitted(RDPI, state.outcome), self.noise_um, self.seed)
 
-        ways = better(fit_kinds(self.setting, kinds, self._progress, (), least_um, self.say))
+        ways = better(fit_kinds(self.setting, kinds, self.progress, (), least_um, self.say))
         if state.effects and not ways:
             # effects that stand in for the core are none beside it, but others may be
             beside = fit_kinds(
-                self.setting, kinds, self._progress, state.effects, least_um, self.say
+                self.setting, kinds, self.progress, state.effects, least_um, self.say
             )
             ways = better(beside)
         if not ways:
             return None
         every = [*ways, Fitted(RDPI, state.outcome)] if much else ways
-        return choose(self.setting, every, self.core.clockwise, self._seed)
+        return choose(self.setting, every, self.core.clockwise, self.seed)
 
     def gives_way(self, state: State, other: State) -> bool:
         """Whether a model of another core is at the noise, or so much better that it takes the place of one.
@@ -461,7 +461,7 @@ class Refitting:
         if its < _FAR_RATIO * left or (near and its < _NEAR_RATIO * left):
             return True
         own, others = (Fitted(type(s.hysteresis), s.outcome) for s in (state, other))
-        return near and bool(simpler([others], own, self.noise_um, self._seed))
+        return near and bool(simpler([others], own, self.noise_um, self.seed))
 
     def left_by(self, core: CoreChoice, state: State, other: State) -> str:
         """Say what a search with another core left, which did not take the place of this one."""
@@ -481,7 +481,7 @@ class Refitting:
                 f"the model has {joined(wrong)}, which only the core {RDPI.name} has; take it out, "
                 f"or leave out --core {kind.name}"
             )
-        self._progress("base model", 0, 1)
+        self.progress("base model", 0, 1)
         fit = self.setting.fit(begun(self.setting, kind, present), present)
         state = State(assess(self.setting, "", fit))
         self._update_noise(state)
@@ -491,7 +491,7 @@ class Refitting:
             bare = typical_effects(self.catalogue, self.setting.scale)
             found = separability(self.setting.train, state.hysteresis, (), bare)
             self._like_rate = found.alike(RATE, _LIKE_RATE)
-        self._progress("base model", 1, 1)
+        self.progress("base model", 1, 1)
         self.seen(state.outcome)
         return state
 

@@ -118,7 +118,7 @@ class Rounds(Refitting):
         most = self._most_trained(state, outcomes)
         ranked = [
             replace(r, most_train_share=most.get(r.candidate.effect, 0.0), within=self.is_within)
-            for r in rank(state.outcome, best, tried, self.noise_um, self._seed)
+            for r in rank(state.outcome, best, tried, self.noise_um, self.seed)
         ]
         if not self._rates_alike:
             return ranked
@@ -128,10 +128,10 @@ class Rounds(Refitting):
     def learned(self, state: State, kind: type[Effect]) -> list[Ranked]:
         """Refit every form of a block that records teach, and return the one worth its freedom."""
         outcomes = learn_forms(
-            self.setting, self._plays(state), state.effects, kind, self._progress
+            self.setting, self._plays(state), state.effects, kind, self.progress
         )  # fmt: skip
         best = in_best_form(outcomes, self.noise_um)
-        return rank(state.outcome, best, [kind], self.noise_um, self._seed)
+        return rank(state.outcome, best, [kind], self.noise_um, self.seed)
 
     def choose(self, state: State, ranked: Sequence[Ranked]) -> list[Ranked]:
         """Return what to add: the simplest of the best class, a pair, or nothing."""
@@ -209,7 +209,7 @@ class Rounds(Refitting):
             self.seen(outcome)
         failed = [r.outcome for r in ranked if r.outcome.fit is None]
         kinds = [type(o.fitted) for o in moved if o.fit is not None]
-        again = rank(now, [*moved, *failed], kinds, self.noise_um, self._seed)
+        again = rank(now, [*moved, *failed], kinds, self.noise_um, self.seed)
         place = [r.candidate.effect for r in ranked]
         return sorted(again, key=lambda r: place.index(r.candidate.effect))
 
@@ -309,7 +309,7 @@ class Rounds(Refitting):
             kinds.append(type(r.outcome.fitted))
             forms.append(kinds[-1])
         tried = refit_kinds(self._pool, here, state.hysteresis, state.effects, forms)
-        again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self._seed)
+        again = rank(now, in_best_form(tried, self.noise_um), kinds, self.noise_um, self.seed)
         best = max(again, key=lambda r: r.worth)
         if best.candidate.effect not in asked or best.worth <= _MOST_OF_IT:
             return []
@@ -346,7 +346,7 @@ class Rounds(Refitting):
             if turned_round.fit is None:
                 continue
             kinds = [type(r.outcome.fitted)]
-            again = rank(now, [turned_round], kinds, self.noise_um, self._seed)[0]
+            again = rank(now, [turned_round], kinds, self.noise_um, self.seed)[0]
             if again.earned:
                 return [r]
         return []
@@ -360,7 +360,7 @@ class Rounds(Refitting):
             if r.outcome.fitted.is_idle(self.setting.scale):
                 continue
             veto = hear(
-                self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self._seed
+                self.dataset, self.checks, r.outcome.fit.variant, name, self.noise_um, self.seed
             )
             if veto is None:
                 left.append(r)
@@ -381,16 +381,16 @@ class Rounds(Refitting):
         def seen(outcome: Outcome) -> None:
             nonlocal done
             done += 1
-            self._progress("pairs", done, len(pairs))
+            self.progress("pairs", done, len(pairs))
 
-        self._progress("pairs", 0, len(pairs))
+        self.progress("pairs", 0, len(pairs))
         outcomes = self._pool.map(partial(_with_another, self.setting), cases, seen)
         tried = [(o, names) for o, names in zip(outcomes, pairs, strict=True) if o.fit is not None]
         if not tried:
             return []
         best, names = min(tried, key=lambda pair: pair[0].mean_square)
         kinds = [self.catalogue[name] for name in names]
-        together = rank(state.outcome, [best], kinds, self.noise_um, self._seed)[0]
+        together = rank(state.outcome, [best], kinds, self.noise_um, self.seed)[0]
         alone = min(nominees[name].outcome.mean_square for name in names)
         if not together.earned or best.mean_square > alone - LEAST_GAIN * self.noise_um**2:
             return []
