@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,9 @@ from rdpi_gym.diagnosis.suitability import falls, thinned, turned
 from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.plant import CORES
+from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -58,6 +61,22 @@ class Clock:
         return replace(record, u_V=np.interp(past - late, past, record.u_V))
 
 
+@dataclass(frozen=True)
+class Offer:
+    """What moves may bring, and what they leave alone."""
+
+    effects: Mapping[str, type[Effect]] = field(default_factory=lambda: CATALOGUE)
+    # Kinds of core; the search begins with the one that is asked for, or with all where that is wanted
+    cores: tuple[type[Core], ...] = field(default_factory=lambda: tuple(CORES.values()))
+    core: type[Core] | None = None
+    begins_with_all: bool = False
+    kept: tuple[Effect, ...] = ()  # Effects of a model that is given: refitted, and never dropped
+
+    def is_kept(self, name: str) -> bool:
+        """Whether no move drops or exchanges an effect."""
+        return any(effect.name == name for effect in self.kept)
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """Records that were looked through, to fit and to judge by."""
@@ -69,12 +88,13 @@ class Evidence:
     findings: tuple[Finding, ...]
     clockwise: bool | None  # How the loops turn, where they enclose an area
     sign: float  # -1 where the displacement falls as the voltage rises: it is turned
-    # The records in full, to fit and to judge by, of those of which a search reads a part
-    whole: tuple[tuple[Record, ...], tuple[Record, ...]] | None = None
+    dataset: Dataset  # All records as inspection left them, in full
+    offer: Offer
+    reads_fewer: str | None = None  # Which samples a search reads, where it does not read all
 
     @classmethod
-    def of(cls, dataset: Dataset) -> Evidence:
-        """Look through a data set.
+    def of(cls, dataset: Dataset, offer: Offer | None = None) -> Evidence:
+        """Look through a data set, for a search with the moves that are offered.
 
         Raises
         ------
@@ -98,18 +118,14 @@ class Evidence:
         return cls(
             train, validation, data_scale((*train, *validation)),
             measured_noise(quiet_noise(found.quiet), tuple(whole.values())),
-            looked.findings, orientation(train), sign,
-            None if few is None else (looked.dataset.train, looked.dataset.validation),
+            looked.findings, orientation(train), sign, looked.dataset, offer or Offer(),
+            None if few is None else few.sentence,
         )  # fmt: skip
 
     @property
     def in_full(self) -> Evidence:
         """The records in full."""
-        return (
-            self
-            if self.whole is None
-            else replace(self, train=self.whole[0], validation=self.whole[1])
-        )
+        return replace(self, train=self.dataset.train, validation=self.dataset.validation)
 
     def mended(self, clocks: Sequence[Clock]) -> Evidence:
         """Return the records with their clocks set right."""

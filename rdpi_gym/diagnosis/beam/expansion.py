@@ -12,7 +12,7 @@ from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import Look, Place, Starts, bearable, exchanged, kinds, raced
 from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects import Effect, forms_of
 from rdpi_gym.support.parallel import Pool
 
 Key = tuple[str, ...]
@@ -33,8 +33,10 @@ class Asked:
 def offered(evidence: Evidence, of: Visited) -> list[Signature]:
     """Signatures of the starts of all effects, beside the core of a set alone."""
     core, scale = type(of.model.core), evidence.scale
-    forms = [form for kind in CATALOGUE.values() for form in forms_of(kind) if form.fits_in(core)]
-    place = Place(evidence.mended(of.model.clocks), replace(of.model, effects=()))
+    kinds = evidence.offer.effects.values()
+    forms = [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
+    bare = replace(of.model, effects=evidence.offer.kept)
+    place = Place(evidence.mended(of.model.clocks), bare)
     return place.signed(start for form in forms for start in form.starts(scale))
 
 
@@ -53,7 +55,7 @@ def _asked(
     if grows:
         starts = [*place.additions(), *place.pairs()]
         found.append(Asked(of, place, starts, place, REFITTED, place.clocks()))
-    for effect in of.model.effects:
+    for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
         if grows:
             found.append(Asked(of, bare, bare.forms(effect), place))
@@ -62,10 +64,15 @@ def _asked(
     return found
 
 
+def _free(evidence: Evidence, model: Model) -> list[Effect]:
+    """Return the effects that moves may drop or exchange."""
+    return [effect for effect in model.effects if not evidence.offer.is_kept(effect.name)]
+
+
 def _blocks_asked(evidence: Evidence, of: Visited) -> list[Asked]:
     """Return the free blocks that promise most beside all effects, and in the place of each."""
     place = Place(evidence.mended(of.model.clocks), of.model)
-    places = [place, *(place.without(effect.name) for effect in of.model.effects)]
+    places = [place, *(place.without(effect.name) for effect in _free(evidence, of.model))]
     return [Asked(of, each, each.blocks(), each) for each in places]
 
 
@@ -141,13 +148,20 @@ def expanded(
     """
     asked = pool.map(partial(_asked, evidence, known, signatures), cases)
     found = _expanded(evidence, [each for own in asked for each in own], pool)
-    rivals = [(m, one.key) for one, g in cases if g for m in exchanged(one.model, evidence.scale)]
+    rivals = [
+        (m, one.key)
+        for one, g in cases
+        if g
+        for m in exchanged(one.model, evidence.scale, evidence.offer)
+    ]
     return [*found, *_whole(evidence, known, rivals, pool)]
 
 
 def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool) -> list[Visited]:
     """Return the sets with one effect or clock fault less that are not `known`."""
-    return _whole(evidence, known, [(model, of.key) for model in of.model.without_one()], pool)
+    kept = {effect.name for effect in evidence.offer.kept}
+    fewer = [model for model in of.model.without_one() if kept <= model.names]
+    return _whole(evidence, known, [(model, of.key) for model in fewer], pool)
 
 
 def _whole(

@@ -12,7 +12,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.beam.constants import FOUND, LEVEL, LIKELY
 from rdpi_gym.diagnosis.beam.decision import chances, classes
-from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.evidence import Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.search import Beam, Scores, searched
 from rdpi_gym.diagnosis.preprocessing import Finding
@@ -104,7 +104,12 @@ class Diagnosis:
 
 
 def diagnose(
-    dataset: Dataset, *, jobs: int = 1, seed: int = 0, progress: Progress | None = None
+    dataset: Dataset,
+    *,
+    offer: Offer | None = None,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Look for what a model of the records misses, by one score and one decision.
 
@@ -112,6 +117,8 @@ def diagnose(
     ----------
     dataset
         The measurement.
+    offer
+        Effects and kinds of core that moves may bring; by default all.
     jobs
         Processes in which sets of the beam are expanded.
     seed
@@ -137,7 +144,7 @@ def diagnose(
     ()
     """
     began = time.process_time()
-    evidence = Evidence.of(dataset)
+    evidence = Evidence.of(dataset, offer)
     return diagnosis_of(evidence, *searched(evidence, jobs, seed, progress), began)
 
 
@@ -152,7 +159,7 @@ def diagnosis_of(
     base = next(one for one in scores.sets if one.parent is None)
     unknown = [Unknown.name in one.model.names for one in scores.sets]
     names = _names(beam, scores, best)
-    if evidence.whole is not None:  # a part was read
+    if evidence.reads_fewer is not None:
         best = refitted(evidence.in_full, best.model, best.parent) or best
     return Diagnosis(
         tuple(

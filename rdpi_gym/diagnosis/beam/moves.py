@@ -25,7 +25,7 @@ from rdpi_gym.diagnosis.beam.constants import (
     TEMPERATURE,
 )
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
-from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence
+from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, clock_column
 from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, whole_step
 from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
@@ -39,8 +39,7 @@ from rdpi_gym.identification.joint import (
     tangents,
     tangents_near,
 )
-from rdpi_gym.plant import CORES
-from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
 from rdpi_gym.support.arrays import Array
@@ -93,7 +92,8 @@ class Place:
     @cached_property
     def _worth(self) -> float:
         """Share of its error that a set may leave with a name more, for its prior to be made up for."""
-        price = log_prior(0, len(CATALOGUE)) - log_prior(1, len(CATALOGUE))
+        offered = len(self.evidence.offer.effects)
+        price = log_prior(0, offered) - log_prior(1, offered)
         blocks = sum(Blocks.of(self.begun.left_um).counts)
         return math.exp(-0.5 * price * TEMPERATURE / blocks)
 
@@ -201,7 +201,8 @@ class Place:
     @cached_property
     def _new(self) -> dict[str, list[tuple[float, Promise]]]:
         names, core = self.model.names, type(self.model.core)
-        kinds = [kind for name, kind in CATALOGUE.items() if name not in names]
+        effects = self.evidence.offer.effects
+        kinds = [kind for name, kind in effects.items() if name not in names]
         train, lefts = self.evidence.train, self.begun.left_um
         longest = int(np.argmax([len(left) for left in lefts]))
         t_s = train[longest].t_s[kept_samples(train, RACE_SAMPLES)[longest]]
@@ -219,7 +220,7 @@ class Place:
         """Starts of the effects that promise most: of each the simplest form, and the best one."""
         asked: list[Starts] = []
         for name, forms in list(self._new.items())[:LOOKED]:
-            kinds, best = forms_of(CATALOGUE[name]), forms[0][1]
+            kinds, best = forms_of(self.evidence.offer.effects[name]), forms[0][1]
             simplest = min((own for _, own in forms), key=lambda own: kinds.index(own.form))
             asked += [(own,) for own in dict.fromkeys((simplest.start, best.start, *best.further))]
         return asked
@@ -236,7 +237,7 @@ class Place:
 
     def forms(self, of: Effect) -> list[Starts]:
         """Starts of the other forms of an effect that the set without it has: those that promise most."""
-        kinds, core = forms_of(CATALOGUE[of.name]), type(self.model.core)
+        kinds, core = forms_of(self.evidence.offer.effects[of.name]), type(self.model.core)
         richer = kinds[kinds.index(type(of)) + 1 :]
         begun = [
             start
@@ -290,7 +291,7 @@ def _squares(lefts: Sequence[Array]) -> float:
     return sum(float(left @ left) for left in lefts)
 
 
-def exchanged(model: Model, scale: DataScale) -> list[Model]:
+def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:
     """Return the models with the stage of one effect at the place that another name stands for.
 
     In the form with the same numbers, which mean the same stage there, and in the further ones. No
@@ -298,9 +299,9 @@ def exchanged(model: Model, scale: DataScale) -> list[Model]:
     looks take from the set as it is.
     """
     found = []
-    for effect in model.effects:
+    for effect in (e for e in model.effects if not offer.is_kept(e.name)):
         others = [e for e in model.effects if e is not effect]
-        for kind in (CATALOGUE[name] for name in CATALOGUE if name not in model.names):
+        for kind in (kind for name, kind in offer.effects.items() if name not in model.names):
             forms = forms_of(kind)
             alike = [
                 k for k, f in enumerate(forms) if [p.name for p in f.parameters] == [*effect.values]
@@ -316,7 +317,7 @@ def exchanged(model: Model, scale: DataScale) -> list[Model]:
 def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
     """First fits of every other kind of hysteresis beside the effects of a set, those that leave less."""
     found = []
-    for kind in CORES.values():
+    for kind in evidence.offer.cores:
         beside = [e for e in model.effects if type(e).fits_in(kind)]
         if isinstance(model.core, kind) or (kind.loose and beside):
             continue  # many gains beside effects are slow, and make up for any

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -42,15 +42,19 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import Pool
 from rdpi_gym.support.progress import Progress, silent
 
+OnVisited = Callable[[Visited], None]
+"""Told of each set that is visited for the first time."""
+
 
 def begun(evidence: Evidence) -> Visited:
-    """Return the set without effects: RDPI, or a stop model where loops turn clockwise."""
-    kind: type[Core] = CORES["stop"] if evidence.clockwise else RDPI
+    """Return the set that nothing was added to: RDPI, or a stop model where loops turn clockwise."""
+    kept, usual = evidence.offer.kept, CORES["stop"] if evidence.clockwise else RDPI
+    kind: type[Core] = evidence.offer.core or usual
     core: Core | None = kind.comb(evidence.scale)
     if len(kind.starts(evidence.scale)) > 1:
-        fit = first_fit(evidence.train, kind, (), evidence.scale)
+        fit = first_fit(evidence.train, kind, kept, evidence.scale)
         core = None if fit is None else fit.variant.hysteresis
-    found = None if core is None else refitted(evidence, Model(core))
+    found = None if core is None else refitted(evidence, Model(core, kept))
     if found is None:
         raise InputError(f"no {kind.name} model can be fitted to the records")
     return found
@@ -62,12 +66,15 @@ class Beam:
 
     evidence: Evidence
     seed: int = 0
+    on_visited: OnVisited | None = None
     visited: dict[Key, Visited] = field(default_factory=dict)
     accepted: set[Key] = field(default_factory=set)  # Sets that a chain of better moves leads to
 
     def add(self, found: Sequence[Visited]) -> None:
         """Add visited sets; of two visits of one set the better one stays."""
         for one in found:
+            if self.on_visited is not None and one.key not in self.visited:
+                self.on_visited(one)
             known = self.visited.setdefault(one.key, one)
             if one.rmse_um < known.rmse_um:  # it came there by another move
                 better = replace(known, model=one.model, fit=one.fit, lefts=one.lefts)
@@ -83,7 +90,8 @@ class Beam:
         # what a set leaves bounds what the simulation leaves open
         borne_um = min(numerical_floor(variant, here.validation).borne_um, least.rmse_um)
         floor_um = math.hypot(noise_um, borne_um)
-        return Scores(tuple(sets), Blocks.of(least.lefts), noise_um, floor_um, self.seed)
+        offered, blocks = len(self.evidence.offer.effects), Blocks.of(least.lefts)
+        return Scores(tuple(sets), blocks, noise_um, floor_um, self.seed, offered)
 
     def accept(self, found: Sequence[Visited], scores: Scores) -> None:
         """Accept the sets that are better than their parents, and those with less that are no worse."""
@@ -111,6 +119,7 @@ class Scores:
     noise_um: float  # Noise floor (µm rms)
     floor_um: float  # With what the simulation of the records leaves open
     seed: int
+    offered: int = len(CATALOGUE)  # Effects that a move may bring
 
     @cached_property
     def draws(self) -> Array:
@@ -125,7 +134,7 @@ class Scores:
     @cached_property
     def weights(self) -> Array:
         """Weight of each set in each draw, ``(DRAWS, K)``."""
-        priors = [prior_of(one.model) for one in self.sets]
+        priors = [prior_of(one.model, self.offered) for one in self.sets]
         price = np.array([self._price(one) for one in self.sets])
         return drawn_weights(self.table + price[:, None], priors, self.draws)
 
@@ -146,7 +155,7 @@ class Scores:
         """Whether all that is left could not pay for one effect more."""
         ratio = self.blocks.mean_squares(one.lefts) / self.floor_um**2
         left = max(float(np.log(np.maximum(ratio, 1e-12)).mean()), 0.0) * ratio.size / TEMPERATURE
-        return left < log_prior(0, len(CATALOGUE)) - log_prior(1, len(CATALOGUE))
+        return left < log_prior(0, self.offered) - log_prior(1, self.offered)
 
     def chances_of(self, moves: Sequence[Visited]) -> list[float]:
         """Return for each move the chance that it is no better than its parent and its phantoms."""
@@ -168,9 +177,9 @@ class Scores:
         return max(0.0, *(float(alone - each) for each in ghosts))
 
 
-def prior_of(model: Model) -> float:
+def prior_of(model: Model, offered: int) -> float:
     """Logarithm of the prior of a set: of its effects, their forms, and its kind of core."""
-    found = log_prior(len(model.names), len(CATALOGUE))
+    found = log_prior(len(model.names), offered)
     for effect in model.effects:
         if isinstance(effect, Unknown) or effect.name == Unknown.name:
             found -= math.log(len(FREE_BLOCKS))
@@ -182,14 +191,22 @@ def prior_of(model: Model) -> float:
 
 
 def searched(
-    evidence: Evidence, jobs: int = 1, seed: int = 0, progress: Progress | None = None
+    evidence: Evidence,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    on_visited: OnVisited | None = None,
 ) -> tuple[Beam, Scores, Visited]:
     """Run the beam to its end; return all sets, their scores, and the best one with names alone."""
     report, pool = progress or silent, Pool(jobs)
-    beam = Beam(evidence, seed)
+    beam = Beam(evidence, seed, on_visited)
     base = begun(evidence)
     beam.add([base])
     beam.accepted.add(base.key)
+    if evidence.offer.begins_with_all:
+        others = of_other_kinds(evidence, base)
+        beam.add(others)
+        beam.accept(others, beam.scored())
     done: set[Key] = set()
     asked_kinds, signatures = False, dict[str, Sequence[Signature]]()
     for number in range(ROUNDS):

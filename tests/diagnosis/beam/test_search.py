@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.beam.constants import LOOKED
-from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
+from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import diagnose, takes_less
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
@@ -134,7 +134,7 @@ def test_the_stage_of_a_lag_is_tried_before_the_plays_with_its_numbers(crept):
     lag = CATALOGUE["sensor_lag"].within_bounds(time_constant_s=2e-3)
     scale = Evidence.of(crept).scale
     first, *further = [
-        model.effects[0] for model in exchanged(Model(P10.hysteresis, (lag,)), scale)
+        model.effects[0] for model in exchanged(Model(P10.hysteresis, (lag,)), scale, Offer())
     ]
     assert (first.name, first.values) == ("actuator_lag", lag.values)
     assert {type(e) for e in further} == set(CATALOGUE["actuator_lag"].forms)
