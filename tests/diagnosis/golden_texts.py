@@ -150,7 +150,7 @@ def _advice(q: Quantities) -> Iterator[tuple[str, Any]]:
         ("rdpi", ("stop",)), ("rdpi", ("bouc_wen", "duhem")), ("bouc_wen", ("dahl",)),
         ("stop", ("rdpi", "lugre", "dahl")), ("preisach", ("stop",)),
     ):  # fmt: skip
-        found = plants._experiment(CORES[kind], [CORES[o] for o in others])
+        found = plants.kind_experiment(CORES[kind], [CORES[o] for o in others])
         yield f"kinds {kind} {others}", _played(found, q)
     creep, lag = CATALOGUE["creep"](), CATALOGUE["actuator_lag"]()
     for made in ((), ("triangle-slow", "stairs", "multisine-small")):

@@ -18,6 +18,7 @@ from rdpi_gym.diagnosis.features.noise import (
     rough_parts,
     slowness,
 )
+from rdpi_gym.diagnosis.notices import Statement
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect
 from rdpi_gym.diagnosis.suitability import falls, thinned, turned
 from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
@@ -89,6 +90,7 @@ class Evidence:
     clockwise: bool | None  # How the loops turn, where they enclose an area
     sign: float  # -1 where the displacement falls as the voltage rises: it is turned
     dataset: Dataset  # All records as inspection left them, in full
+    read: Dataset  # The same with the samples that a search reads
     offer: Offer
     reads_fewer: str | None = None  # Which samples a search reads, where it does not read all
 
@@ -118,14 +120,17 @@ class Evidence:
         return cls(
             train, validation, data_scale((*train, *validation)),
             measured_noise(quiet_noise(found.quiet), tuple(whole.values())),
-            looked.findings, orientation(train), sign, looked.dataset, offer or Offer(),
+            looked.findings, orientation(train), sign, looked.dataset, found, offer or Offer(),
             None if few is None else few.sentence,
         )  # fmt: skip
 
     @property
     def in_full(self) -> Evidence:
-        """The records in full."""
-        return replace(self, train=self.dataset.train, validation=self.dataset.validation)
+        """The records in full, with their noise."""
+        train, validation = self.dataset.train, self.dataset.validation
+        whole = {r.name: r for r in (*train, *validation)}
+        noise = measured_noise(quiet_noise(self.dataset.quiet), tuple(whole.values()))
+        return replace(self, train=train, validation=validation, noise=noise, read=self.dataset)
 
     def mended(self, clocks: Sequence[Clock]) -> Evidence:
         """Return the records with their clocks set right."""
@@ -138,4 +143,8 @@ class Evidence:
 
     def floor_um(self, lefts: Sequence[Array]) -> float:
         """Return the noise floor (µm rms), by measurement or by what changes from sample to sample."""
-        return floor_from(self.noise, rough_parts(lefts), slowness(lefts))[0]
+        return self.floor(lefts)[0]
+
+    def floor(self, lefts: Sequence[Array]) -> tuple[float, Statement]:
+        """Return the noise floor (µm rms) and where the figure comes from."""
+        return floor_from(self.noise, rough_parts(lefts), slowness(lefts))

@@ -158,7 +158,7 @@ def diagnosis_of(
     held = [one.model.core.name == core for one in scores.sets]
     base = next(one for one in scores.sets if one.parent is None)
     unknown = [Unknown.name in one.model.names for one in scores.sets]
-    names = _names(beam, scores, best)
+    names = names_of(beam, scores, best)
     if evidence.reads_fewer is not None:
         best = refitted(evidence.in_full, best.model, best.parent) or best
     return Diagnosis(
@@ -180,7 +180,8 @@ def diagnosis_of(
     )
 
 
-def _names(beam: Beam, scores: Scores, best: Visited) -> tuple[Name, ...]:
+def names_of(beam: Beam, scores: Scores, best: Visited) -> tuple[Name, ...]:
+    """Return the names that any set has, with probability and grade, most probable first."""
     mean = scores.weights.mean(axis=0)
     members = [one.model.names for one in scores.sets]
     instead = classes(scores.weights, members) if any(members) else {}

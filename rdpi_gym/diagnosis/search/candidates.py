@@ -10,7 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from rdpi_gym.diagnosis.results import Errors
+from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.cores import FIRST_SAMPLES
@@ -25,6 +25,7 @@ from rdpi_gym.identification.joint import (
 )
 from rdpi_gym.identification.residuals import PIECES, centred_residual, pieces_of, rms_over
 from rdpi_gym.measurement import Record
+from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
@@ -160,6 +161,32 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     errors = Errors(train, validation, relative, by_record)
     forms = {effect.name: effect.form for effect in fit.variant.effects}
     return Outcome(name, fit, errors, pieces, form=forms.get(name, ""))
+
+
+def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidate:
+    """Return a candidate as that of an effect in a refit: its parameters and their errors."""
+    if fit is None:
+        return candidate
+    effect = {e.name: e for e in fit.variant.effects}[name]
+    own = f"{name}."
+    found = fit.standard_errors.items()
+    errors = {key.removeprefix(own): e for key, e in found if key.startswith(own)}
+    return replace(
+        candidate,
+        effect=name,
+        form=effect.form,
+        parameters=effect.values,
+        standard_errors=errors,
+    )
+
+
+def evidence_of(before: Errors, after: Errors, signature: str) -> str:
+    """Name the record on which a candidate gains most, and what it leaves there, in a sentence."""
+    falls = {
+        name: before.by_record_um[name] - after.by_record_um[name] for name in after.by_record_um
+    }
+    most = max(falls, key=lambda name: falls[name])
+    return template("evidence", record=most, signature=template_of(signature))
 
 
 def refit(

@@ -9,7 +9,7 @@ from typing import Any
 
 from rdpi_gym.diagnosis.probability import LEAST_PROBABLE, Course, of_classes
 from rdpi_gym.diagnosis.results import Candidate
-from rdpi_gym.diagnosis.search.candidates import assess, refit, refit_kinds
+from rdpi_gym.diagnosis.search.candidates import assess, of_effect, refit, refit_kinds
 from rdpi_gym.diagnosis.search.plants import in_few_numbers
 from rdpi_gym.diagnosis.search.ranking import (
     AT_FLOOR,
@@ -19,7 +19,6 @@ from rdpi_gym.diagnosis.search.ranking import (
     better_forms,
     in_best_form,
     not_missed,
-    of_effect,
     own_bounds,
     rank,
     simplified,

@@ -289,7 +289,7 @@ def choose(
     fits = [way.outcome.fit for way in ways if way.outcome.fit is not None]
     told = compare_kinds([held_out_fit(f, setting.validation) for f in fits], setting.train, seed)
     kind = type(told.chosen.core)
-    advice = _experiment(kind, [CORES[name] for name in told.alike])
+    advice = kind_experiment(kind, [CORES[name] for name in told.alike])
     text = None if advice is None else text_of(advice)
     return CoreChoice(kind.name, told.alike, told.confidence, text, clockwise, advice)
 
@@ -314,7 +314,7 @@ def simpler(ways: Sequence[Fitted], of: Fitted, noise_um: float, seed: int) -> l
     ]
 
 
-def _experiment(kind: type[Core], alike: Iterable[type[Core]]) -> Notice | None:
+def kind_experiment(kind: type[Core], alike: Iterable[type[Core]]) -> Notice | None:
     """Name the experiment that would tell a kind from those that the records do not tell from it."""
     others = list(alike)
     if not others:

@@ -17,13 +17,14 @@ from rdpi_gym.diagnosis.search.candidates import (
     Trial,
     assess,
     attempt,
+    evidence_of,
+    of_effect,
     refit,
 )
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.joint import JointFit, fit_joint
+from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.residuals import beats
 from rdpi_gym.measurement import Record, hold_out_blocks
-from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
 from rdpi_gym.support.arrays import Array
@@ -117,7 +118,9 @@ def rank(
             confidence=confidence,
             share=share,
             indistinguishable=tuple(same),
-            evidence=_evidence(current, outcome, signatures.get(outcome.effect, "")),
+            evidence=evidence_of(
+                current.errors, outcome.errors, signatures.get(outcome.effect, "")
+            ),
             remarks=tuple(remarks),
         )
         candidate = of_effect(candidate, outcome.fit, outcome.effect)
@@ -167,32 +170,6 @@ def _worse_records(current: Outcome, outcome: Outcome, gain: float, variance: fl
     names = list(outcome.errors.by_record_um)[-len(after) :]
     allowed = _HARM * max(gain, 0.0) + 0.25 * variance
     return [name for name, b, a in zip(names, before, after, strict=True) if a - b > allowed]
-
-
-def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidate:
-    """Return a candidate as that of an effect in a refit: its parameters and their errors."""
-    if fit is None:
-        return candidate
-    effect = {e.name: e for e in fit.variant.effects}[name]
-    own = f"{name}."
-    found = fit.standard_errors.items()
-    errors = {key.removeprefix(own): e for key, e in found if key.startswith(own)}
-    return replace(
-        candidate,
-        effect=name,
-        form=effect.form,
-        parameters=effect.values,
-        standard_errors=errors,
-    )
-
-
-def _evidence(current: Outcome, outcome: Outcome, signature: str) -> str:
-    before, after = current.errors, outcome.errors
-    falls = {
-        name: before.by_record_um[name] - after.by_record_um[name] for name in after.by_record_um
-    }
-    most = max(falls, key=lambda name: falls[name])
-    return template("evidence", record=most, signature=template_of(signature))
 
 
 def _failed(outcome: Outcome) -> Candidate:

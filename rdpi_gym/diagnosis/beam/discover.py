@@ -1,0 +1,288 @@
+"""Discovery, diagnosis, addition and removal of effects by the beam, with the result that users read."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rdpi_gym.diagnosis.beam.constants import LEVEL
+from rdpi_gym.diagnosis.beam.decision import chances
+from rdpi_gym.diagnosis.beam.ending import Course, ended, judged
+from rdpi_gym.diagnosis.beam.evidence import Evidence, Offer
+from rdpi_gym.diagnosis.beam.expansion import offered, with_free_blocks
+from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import Place
+from rdpi_gym.diagnosis.beam.search import Beam, OnVisited, Scores, begun, best_of, searched
+from rdpi_gym.diagnosis.beam.signatures import Signature
+from rdpi_gym.diagnosis.portrait import Portrait
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
+from rdpi_gym.diagnosis.results import Candidate, SearchResult
+from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.diagnosis.search.conclusion import conclude, nearest_of, portrayed
+from rdpi_gym.diagnosis.search.plants import AUTO, OnCandidate, refit_of
+from rdpi_gym.diagnosis.words import in_words, template
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.measurement import Dataset
+from rdpi_gym.plant import CORES, RDPI, PlantModel
+from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects.base import forms_of
+from rdpi_gym.plant.effects.unknown import Unknown
+from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import Pool
+from rdpi_gym.support.progress import Progress, silent
+from rdpi_gym.support.words import joined
+
+
+def discover(
+    dataset: Dataset,
+    given: PlantModel[Any] | None = None,
+    *,
+    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    core: str | None = None,
+    on_candidate: OnCandidate | None = None,
+) -> SearchResult:
+    """Run the beam to its end.
+
+    Parameters are those of :func:`diagnose`.
+    """
+    began = time.perf_counter()
+    evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
+    seen = _told(evidence, given, on_candidate)
+    course = Course(evidence, *searched(evidence, jobs, seed, progress, seen))
+    ending = ended(
+        course, kind="discovery", began=began, given=given, seed=seed, pool=Pool(jobs),
+        progress=progress or silent,
+    )  # fmt: skip
+    return conclude(ending)
+
+
+def diagnose(
+    dataset: Dataset,
+    given: PlantModel[Any] | None = None,
+    *,
+    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    core: str | None = None,
+    on_candidate: OnCandidate | None = None,
+) -> SearchResult:
+    """Refit the base model with each effect alone, and rank them."""
+    began = time.perf_counter()
+    evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
+    seen, report = _told(evidence, given, on_candidate), progress or silent
+    beam, pool = Beam(evidence, seed, seen), Pool(jobs)
+    base = _base(beam)
+    names = [n for n in evidence.offer.effects if n not in base.model.names]
+    found = with_each(evidence, base, names, pool, report, seen)
+    beam.on_visited = None
+    beam.add(found)
+    beam.accept(found, beam.scored())
+    scores = beam.scored()
+    best = best_of(beam, scores)
+    if not scores.is_at_floor(best):
+        beam.add(with_free_blocks(evidence, best, pool))
+        scores = beam.scored()
+    ending = ended(
+        Course(evidence, beam, scores, best), kind="diagnosis", began=began, given=given, seed=seed,
+        pool=pool, progress=report,
+    )  # fmt: skip
+    if seen is not None and best is not base:
+        seen(best)
+    return conclude(ending)
+
+
+def add_effect(
+    dataset: Dataset,
+    given: PlantModel[Any],
+    kind: type[Effect],
+    *,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    core: str | None = None,
+    on_candidate: OnCandidate | None = None,
+) -> SearchResult:
+    """Add one effect because the user says so, better or not, and refit everything."""
+    began = time.perf_counter()
+    if any(effect.name == kind.name for effect in given.effects):
+        raise InputError(f"the model has {kind.name} already; choose another effect")
+    evidence = Evidence.of(dataset, offer_of({kind.name: kind}, given, core))
+    report, pool = progress or silent, Pool(jobs)
+    beam = Beam(evidence, seed, _told(evidence, given, on_candidate))
+    base = _base(beam)
+    if not any(form.fits_in(type(base.model.core)) for form in forms_of(kind)):
+        raise InputError(
+            f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
+            f"{base.model.core.name}; choose another effect"
+        )
+    if kind.on_request:
+        found = _learned(beam, base, kind, report)
+    else:
+        found = with_each(evidence, base, [kind.name], pool, report)
+    if not found:
+        raise InputError(f"{kind.name}: no refit with it converges")
+    beam.add(found)
+    scores = beam.scored()
+    beam.accept(found, scores)
+    best = _simplest(found, scores)
+    asked = () if best.key in beam.accepted else (template("on request", effect=kind.name),)
+    ending = ended(
+        Course(evidence, beam, scores, best), kind="addition", began=began, given=given, seed=seed,
+        pool=pool, progress=report, notes=asked,
+    )  # fmt: skip
+    return conclude(ending)
+
+
+def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:
+    """Take an effect out of a model because the user says so, and refit everything."""
+    began = time.perf_counter()
+    names = [effect.name for effect in given.effects]
+    if name not in names:
+        raise InputError(f"the model has no effect {name!r}; it has {', '.join(names) or 'none'}")
+    kept = replace(given, effects=tuple(e for e in given.effects if e.name != name))
+    evidence = Evidence.of(dataset, offer_of(CATALOGUE, kept, None))
+    beam = Beam(evidence)
+    base = _base(beam)
+    course = Course(evidence, beam, beam.scored(), base)
+    return conclude(ended(course, kind="removal", began=began, given=given, removed=(name,)))
+
+
+def portray(
+    dataset: Dataset,
+    given: PlantModel[Any] | None = None,
+    ranked: Sequence[Candidate] = (),
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Portrait | None:
+    """Draw the portrait of what a model misses, whatever the verdict on it."""
+    if given is not None and any(effect.name == Unknown.name for effect in given.effects):
+        raise InputError(f"the model has {Unknown.name} already; portray the model without it")
+    evidence = Evidence.of(dataset, offer_of(CATALOGUE, given, None))
+    base = begun(evidence)
+    setting = Setting(evidence.train, evidence.validation, evidence.scale)
+    nearest = nearest_of(ranked, base.model.effects)
+    drawn, _ = portrayed(setting, base.fit, CATALOGUE, nearest, seed, progress or silent)
+    return in_words(drawn, dataset.quantities)
+
+
+def offer_of(
+    catalogue: Mapping[str, type[Effect]], given: PlantModel[Any] | None, core: str | None
+) -> Offer:
+    """Return the moves that are offered beside a given model, with a kind of core where one is asked for."""
+    kept = () if given is None else given.effects
+    if core == AUTO:
+        return Offer(catalogue, begins_with_all=True, kept=kept)
+    if core is None and given is None:
+        return Offer(catalogue)
+    kind = CORES[given.hysteresis.name if core is None and given is not None else str(core)]
+    wrong = [e.name for e in kept if not type(e).fits_in(kind)]
+    if wrong:
+        raise InputError(
+            f"the model has {joined(wrong)}, which only the core {RDPI.name} has; take it out, "
+            f"or leave out --core {kind.name}"
+        )
+    fitting = {n: k for n, k in catalogue.items() if any(f.fits_in(kind) for f in forms_of(k))}
+    return Offer(fitting or catalogue, (kind,), kind, kept=kept)
+
+
+def with_each(
+    evidence: Evidence,
+    base: Visited,
+    names: Sequence[str],
+    pool: Pool,
+    report: Progress = silent,
+    seen: OnVisited | None = None,
+) -> list[Visited]:
+    """Return the set with each of some effects, in the form and from the start that gains most."""
+    signatures = offered(evidence, base)
+    done = 0
+
+    def heard(one: Visited | None) -> None:
+        nonlocal done
+        done += 1
+        report("candidates", done, len(names))
+        if one is not None and seen is not None:
+            seen(one)
+
+    report("candidates", 0, len(names))
+    found = pool.map(partial(_with_one, evidence, base, signatures), names, heard)
+    return [one for one in found if one is not None]
+
+
+def _with_one(
+    evidence: Evidence, base: Visited, signatures: Sequence[Signature], name: str
+) -> Visited | None:
+    kind = evidence.offer.effects[name]
+    only = replace(evidence, offer=replace(evidence.offer, effects={name: kind}))
+    place = Place(only, base.model, [each for each in signatures if each.start.name == name])
+    starts = place.additions() or [(start,) for start in kind.starts(evidence.scale)[:1]]
+    looks = [look for each in starts if (look := place.look_at(each)) is not None]
+    if not looks:
+        return None
+    best = min(looks, key=lambda look: sum(float(left @ left) for left in look.lefts))
+    one = refitted(evidence, best.model, base.key)
+    if one is None:
+        return None
+    variant = Variant(one.model.core, one.model.effects)
+    new = [k for k, effect in enumerate(variant.effects) if effect.name == name]
+    linear = Linear(evidence, Variant(base.model.core, base.model.effects))
+    return replace(
+        one, ghosts=linear.with_phantoms(variant, new), tried=len(evidence.offer.effects)
+    )
+
+
+def _base(beam: Beam) -> Visited:
+    base = begun(beam.evidence)
+    beam.add([base])
+    beam.accepted.add(base.key)
+    return base
+
+
+def _learned(beam: Beam, base: Visited, kind: type[Effect], report: Progress) -> list[Visited]:
+    """Refit every form of a block that records teach."""
+    evidence, model = beam.evidence, base.model
+    setting = Setting(evidence.train, evidence.validation, evidence.scale)
+    fits = [o.fit for o in learn_forms(setting, model.core, model.effects, kind, report)]
+    models = [Model(f.variant.hysteresis, f.variant.effects) for f in fits if f is not None]
+    found = [refitted(evidence, each, base.key) for each in models]
+    return [one for one in found if one is not None]
+
+
+def _simplest(found: Sequence[Visited], scores: Scores) -> Visited:
+    """Return the first form that is not worse than the best one by the one decision."""
+    table = np.array([scores.of(one) for one in found])
+    lost = chances(
+        table - table[int(np.argmin(table.mean(axis=1)))], np.zeros(len(found)), scores.draws
+    )
+    return found[int(np.argmax(lost >= LEVEL))]
+
+
+def _told(
+    evidence: Evidence, given: PlantModel[Any] | None, on_candidate: OnCandidate | None
+) -> Callable[[Visited], None] | None:
+    """Return what tells whoever watches of a set: of the base, and of each effect beside another."""
+    if on_candidate is None:
+        return None
+    whole = evidence.in_full
+    before: dict[tuple[str, ...], frozenset[str]] = {}
+
+    def told(one: Visited) -> None:
+        before[one.key] = one.model.names
+        known = frozenset() if one.parent is None else before.get(one.parent, frozenset())
+        effects = [e.name for e in one.model.effects if not evidence.offer.is_kept(e.name)]
+        new = [name for name in effects if name not in known]
+        if one.parent is None or new:
+            setting = Setting(whole.train, whole.validation, whole.scale)
+            on_candidate(refit_of(setting, judged(whole, one, *new[:1]), given))
+
+    return told
