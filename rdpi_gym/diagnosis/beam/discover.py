@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rdpi_gym.diagnosis.beam.checkpoint import Checkpoint
 from rdpi_gym.diagnosis.beam.constants import LEVEL
 from rdpi_gym.diagnosis.beam.decision import chances
 from rdpi_gym.diagnosis.beam.ending import Course, ended, judged
@@ -17,7 +19,15 @@ from rdpi_gym.diagnosis.beam.evidence import Evidence, Offer
 from rdpi_gym.diagnosis.beam.expansion import offered, with_free_blocks
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import Place
-from rdpi_gym.diagnosis.beam.search import Beam, OnVisited, Scores, begun, best_of, searched
+from rdpi_gym.diagnosis.beam.search import (
+    Beam,
+    OnVisited,
+    Scores,
+    begun,
+    best_of,
+    searched,
+    visited_now,
+)
 from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
@@ -46,6 +56,7 @@ def discover(
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
+    checkpoint: Path | None = None,
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
@@ -55,11 +66,11 @@ def discover(
     """
     began = time.perf_counter()
     evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
-    seen = _told(evidence, given, on_candidate)
-    course = Course(evidence, *searched(evidence, jobs, seed, progress, seen))
+    seen, kept = _told(evidence, given, on_candidate), Checkpoint(checkpoint, evidence, seed)
+    course = Course(evidence, *searched(evidence, jobs, seed, progress, seen, kept.stage))
     ending = ended(
         course, kind="discovery", began=began, given=given, seed=seed, pool=Pool(jobs),
-        progress=progress or silent,
+        progress=progress or silent, notes=kept.remarks,
     )  # fmt: skip
     return conclude(ending)
 
@@ -72,6 +83,7 @@ def diagnose(
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
+    checkpoint: Path | None = None,
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
@@ -80,20 +92,23 @@ def diagnose(
     evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
     seen, report = _told(evidence, given, on_candidate), progress or silent
     beam, pool = Beam(evidence, seed, seen), Pool(jobs)
-    base = _base(beam)
+    kept = Checkpoint(checkpoint, evidence, seed)
+    base = beam.begin(kept.stage)
     names = [n for n in evidence.offer.effects if n not in base.model.names]
-    found = with_each(evidence, base, names, pool, report, seen)
+    make = partial(with_each, evidence, base, names, pool, report, seen)
+    found = kept.stage("effects alone", beam.visited, make)
     beam.on_visited = None
     beam.add(found)
     beam.accept(found, beam.scored())
     scores = beam.scored()
     best = best_of(beam, scores)
     if not scores.is_at_floor(best):
-        beam.add(with_free_blocks(evidence, best, pool))
+        blocks = partial(with_free_blocks, evidence, best, pool)
+        beam.add(kept.stage("free blocks", beam.visited, blocks))
         scores = beam.scored()
     ending = ended(
         Course(evidence, beam, scores, best), kind="diagnosis", began=began, given=given, seed=seed,
-        pool=pool, progress=report,
+        pool=pool, progress=report, notes=kept.remarks,
     )  # fmt: skip
     if seen is not None and best is not base:
         seen(best)
@@ -108,6 +123,7 @@ def add_effect(
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
+    checkpoint: Path | None = None,
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
@@ -118,16 +134,17 @@ def add_effect(
     evidence = Evidence.of(dataset, offer_of({kind.name: kind}, given, core))
     report, pool = progress or silent, Pool(jobs)
     beam = Beam(evidence, seed, _told(evidence, given, on_candidate))
-    base = _base(beam)
+    kept = Checkpoint(checkpoint, evidence, seed)
+    base = beam.begin(kept.stage)
     if not any(form.fits_in(type(base.model.core)) for form in forms_of(kind)):
         raise InputError(
             f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
             f"{base.model.core.name}; choose another effect"
         )
+    make = partial(with_each, evidence, base, [kind.name], pool, report)
     if kind.on_request:
-        found = _learned(beam, base, kind, report)
-    else:
-        found = with_each(evidence, base, [kind.name], pool, report)
+        make = partial(_learned, evidence, base, kind, report)
+    found = kept.stage("effect", beam.visited, make)
     if not found:
         raise InputError(f"{kind.name}: no refit with it converges")
     beam.add(found)
@@ -137,7 +154,7 @@ def add_effect(
     asked = () if best.key in beam.accepted else (template("on request", effect=kind.name),)
     ending = ended(
         Course(evidence, beam, scores, best), kind="addition", began=began, given=given, seed=seed,
-        pool=pool, progress=report, notes=asked,
+        pool=pool, progress=report, notes=(*kept.remarks, *asked),
     )  # fmt: skip
     return conclude(ending)
 
@@ -151,7 +168,7 @@ def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> Search
     kept = replace(given, effects=tuple(e for e in given.effects if e.name != name))
     evidence = Evidence.of(dataset, offer_of(CATALOGUE, kept, None))
     beam = Beam(evidence)
-    base = _base(beam)
+    base = beam.begin(visited_now)
     course = Course(evidence, beam, beam.scored(), base)
     return conclude(ended(course, kind="removal", began=began, given=given, removed=(name,)))
 
@@ -236,21 +253,15 @@ def _with_one(
     variant = Variant(one.model.core, one.model.effects)
     new = [k for k, effect in enumerate(variant.effects) if effect.name == name]
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
-    return replace(
-        one, ghosts=linear.with_phantoms(variant, new), tried=len(evidence.offer.effects)
-    )
+    ghosts, tried = linear.with_phantoms(variant, new), len(evidence.offer.effects)
+    return replace(one, ghosts=ghosts, new=tuple(new), tried=tried)
 
 
-def _base(beam: Beam) -> Visited:
-    base = begun(beam.evidence)
-    beam.add([base])
-    beam.accepted.add(base.key)
-    return base
-
-
-def _learned(beam: Beam, base: Visited, kind: type[Effect], report: Progress) -> list[Visited]:
+def _learned(
+    evidence: Evidence, base: Visited, kind: type[Effect], report: Progress
+) -> list[Visited]:
     """Refit every form of a block that records teach."""
-    evidence, model = beam.evidence, base.model
+    model = base.model
     setting = Setting(evidence.train, evidence.validation, evidence.scale)
     fits = [o.fit for o in learn_forms(setting, model.core, model.effects, kind, report)]
     models = [Model(f.variant.hysteresis, f.variant.effects) for f in fits if f is not None]

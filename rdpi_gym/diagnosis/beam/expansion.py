@@ -91,7 +91,7 @@ def _refitted(
     new = [k for k, e in enumerate(one.model.effects) if e.name in look.new]
     variant = Variant(one.model.core, one.model.effects)
     ghosts = linear[which].with_phantoms(variant, new) if new else ()
-    return replace(one, ghosts=ghosts, tried=tried)
+    return replace(one, ghosts=ghosts, new=tuple(new), tried=tried)
 
 
 def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Visited]:

@@ -70,6 +70,7 @@ class Visited:
     parent: tuple[str, ...] | None = None  # Key of the set that a move made it of
     # The same of the parent, linearised, alone and with each phantom of the move
     ghosts: tuple[tuple[Array, ...], ...] = ()
+    new: tuple[int, ...] = ()  # Places of the effects that the move brought
     tried: int = 0  # Moves of the parent that were looked at with it
     seconds: float = 0.0  # Processor time of its refit
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -46,6 +46,16 @@ OnVisited = Callable[[Visited], None]
 """Told of each set that is visited for the first time."""
 
 
+Sets = Mapping[Key, Visited]
+Stage = Callable[[str, Sets, Callable[[], list[Visited]]], list[Visited]]
+"""Returns the sets that a stage of a search visits, by its name: of a file, or by visiting them."""
+
+
+def visited_now(name: str, sets: Sets, make: Callable[[], list[Visited]]) -> list[Visited]:
+    """Visit the sets of a stage, whatever was visited before."""
+    return make()
+
+
 def begun(evidence: Evidence) -> Visited:
     """Return the set that nothing was added to: RDPI, or a stop model where loops turn clockwise."""
     kept, usual = evidence.offer.kept, CORES["stop"] if evidence.clockwise else RDPI
@@ -79,6 +89,13 @@ class Beam:
             if one.rmse_um < known.rmse_um:  # it came there by another move
                 better = replace(known, model=one.model, fit=one.fit, lefts=one.lefts)
                 self.visited[one.key] = better
+
+    def begin(self, stage: Stage) -> Visited:
+        """Visit the set that the search begins with."""
+        (base,) = stage("base", self.visited, lambda: [begun(self.evidence)])
+        self.add([base])
+        self.accepted.add(base.key)
+        return base
 
     def scored(self) -> Scores:
         """Score all sets on common blocks, at the floor of the one that leaves least."""
@@ -196,15 +213,14 @@ def searched(
     seed: int = 0,
     progress: Progress | None = None,
     on_visited: OnVisited | None = None,
+    stage: Stage = visited_now,
 ) -> tuple[Beam, Scores, Visited]:
     """Run the beam to its end; return all sets, their scores, and the best one with names alone."""
     report, pool = progress or silent, Pool(jobs)
     beam = Beam(evidence, seed, on_visited)
-    base = begun(evidence)
-    beam.add([base])
-    beam.accepted.add(base.key)
+    base = beam.begin(stage)
     if evidence.offer.begins_with_all:
-        others = of_other_kinds(evidence, base)
+        others = stage("kinds", beam.visited, partial(of_other_kinds, evidence, base))
         beam.add(others)
         beam.accept(others, beam.scored())
     done: set[Key] = set()
@@ -219,25 +235,34 @@ def searched(
             for one, grows in cases:
                 if grows and one.model.core.name not in signatures:
                     signatures[one.model.core.name] = offered(evidence, one)
-            lists = [expanded(evidence, frozenset(beam.visited), signatures, cases, pool)]
+            known = frozenset(beam.visited)
+            make = partial(expanded, evidence, known, signatures, cases, pool)
         elif not asked_kinds and not scores.is_at_floor(best := best_of(beam, scores)):
             asked_kinds, front = True, [best]
             bare = [base] if best.model.effects else []
-            lists = pool.map(partial(of_other_kinds, evidence), [best, *bare])
+            make = partial(_of_other_kinds, evidence, [best, *bare], pool)
         else:
             break
-        found = [one for each in lists for one in each]
+        found = stage(f"round {number}", beam.visited, make)
         beam.add(found)
         done |= {one.key for one in front}
         beam.accept(found, beam.scored())
     scores = beam.scored()
     best = best_of(beam, scores)
     if not scores.is_at_floor(best):
-        beam.add(dropped(evidence, frozenset(beam.visited), best, pool))
-        beam.add(with_free_blocks(evidence, best, pool))
+        known = frozenset(beam.visited)
+        fewer = partial(dropped, evidence, known, best, pool)
+        beam.add(stage("with one less", beam.visited, fewer))
+        blocks = partial(with_free_blocks, evidence, best, pool)
+        beam.add(stage("free blocks", beam.visited, blocks))
         scores = beam.scored()
     report("rounds of the beam", ROUNDS, ROUNDS)
     return beam, scores, best
+
+
+def _of_other_kinds(evidence: Evidence, sets: Sequence[Visited], pool: Pool) -> list[Visited]:
+    lists = pool.map(partial(of_other_kinds, evidence), sets)
+    return [one for each in lists for one in each]
 
 
 def best_of(beam: Beam, scores: Scores) -> Visited:

@@ -71,3 +71,17 @@ def test_an_effect_is_added_and_taken_out_on_request(crept):
     assert ([e.name for e in taken.plant.effects], taken.removed) == (["creep"], (LAG.name,))
     with pytest.raises(InputError, match="has creep already"):
         add_effect(crept, added.plant, CATALOGUE["creep"])
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+def test_an_interrupted_search_goes_on_from_its_last_stage_to_the_same_result(
+    crept, tmp_path, stages
+):
+    path = tmp_path / "candidates.jsonl"
+    whole = discover(crept, catalogue=FEW, checkpoint=path)
+    first = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(first[: stages + 1]))  # the first line is that of the format
+    again = discover(crept, catalogue=FEW, checkpoint=path)
+    left_out = {"seconds": 0.0, "views": ()}
+    assert replace(again, **left_out) == replace(whole, **left_out)
+    assert len(path.read_bytes().splitlines()) == len(first)
