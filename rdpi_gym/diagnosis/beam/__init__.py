@@ -12,8 +12,8 @@
 4. The best few sets go on in parallel, each by every move. What a start of an effect promises beside a
    set is linear algebra on columns that were simulated once (``signatures``); what promises most is
    followed for a few steps, and of these looks the best are refitted (``moves``, ``expansion``).
-5. A set's weight is that of pseudo-BMA+ under the same draws, its phantoms charged; a name's probability
-   is the weight of the sets that have it. A name is *found* from 90 % on and *likely* from 50; a name
+5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the
+   sets that have it, and names of the best set are dropped until no set with one less weighs more. A name is *found* from 90 % on and *likely* from 50; a name
    that a free block in its place beats by the one decision, or that takes less of the score than its
    set leaves above the floor, is a *stand-in* (``grades``): whatever leaves that may be its cause too.
 
@@ -24,9 +24,7 @@ Limits
 No command reaches this search yet; ``rdpi_gym.diagnosis.search`` is the one that is used.
 
 - Names, paired over 13 plants (``studies/results/one_law``): exact on 69 %, where today's search is on
-  77; a wrong name on 15 %, where today's has one on 8; half of its processor time. A name beside others
-  at the floor is not asked whether it takes less than its set leaves, as nothing is left (a
-  sensor lag beside creep and resonance); a first name in a form that is not the true one is not left
+  77; a wrong name on 15 %, where today's has one on 8; half of its processor time. A first name in a form that is not the true one is not left
   again (unlike branches for a cubic curve, with creep and a clock's skew besides).
 - An exchange takes an addition and a drop, but for the lags, which are refitted at each other's place:
   a name need not have beaten every other.
@@ -43,7 +41,7 @@ No command reaches this search yet; ``rdpi_gym.diagnosis.search`` is the one tha
   record held out; its other splits were not run since.
 - Preprocessing's findings forbid no name: a record that leads by a sample is moved alone, not those that
   share its clock.
-- Other kinds of core are tried once, at the end, beside the best set and alone.
+- Kinds of core with many gains are tried once, at the end, beside the best set and alone.
 - The temperature is that of the Gaussian likelihood, not yet calibrated on a study; the effect of
   halving and doubling each constant has not been measured.
 - Clock faults of records that are only for validation are not tried; jitter is no move.

@@ -157,11 +157,11 @@ def expanded(
     return [*found, *_whole(evidence, known, rivals, pool)]
 
 
-def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool) -> list[Visited]:
-    """Return the sets with one effect or clock fault less that are not `known`."""
+def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
+    """Return the sets with one effect or clock fault less."""
     kept = {effect.name for effect in evidence.offer.kept}
     fewer = [model for model in of.model.without_one() if kept <= model.names]
-    return _whole(evidence, known, [(model, of.key) for model in fewer], pool)
+    return _whole(evidence, (), [(model, of.key) for model in fewer], pool)
 
 
 def _whole(
@@ -182,10 +182,13 @@ def with_free_blocks(evidence: Evidence, of: Visited, pool: Pool) -> list[Visite
     return _expanded(evidence, _blocks_asked(evidence, of), pool)
 
 
-def of_other_kinds(evidence: Evidence, of: Visited) -> list[Visited]:
-    """Return the set with every other kind of hysteresis, those that come near refitted whole."""
+def of_other_kinds(evidence: Evidence, of: Visited, *, loose: bool = False) -> list[Visited]:
+    """Return the set with other kinds of hysteresis, those that come near refitted whole.
+
+    Kinds of many gains, which make up for any effect, only where these are `loose`.
+    """
     found = []
-    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um):
+    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um, loose):
         one = refitted(evidence, model, of.key)
         found += [one] if one is not None else []
     return [replace(each, tried=len(found)) for each in found]

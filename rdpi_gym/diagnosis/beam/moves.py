@@ -314,12 +314,12 @@ def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:
     return found
 
 
-def kinds(evidence: Evidence, model: Model, least_um: float) -> list[Model]:
+def kinds(evidence: Evidence, model: Model, least_um: float, loose: bool) -> list[Model]:
     """First fits of every other kind of hysteresis beside the effects of a set, those that leave less."""
     found = []
     for kind in evidence.offer.cores:
         beside = [e for e in model.effects if type(e).fits_in(kind)]
-        if isinstance(model.core, kind) or (kind.loose and beside):
+        if isinstance(model.core, kind) or (kind.loose and (beside or not loose)):
             continue  # many gains beside effects are slow, and make up for any
         make = partial(first_fit, evidence.train, kind, beside, evidence.scale)
         fit = fit_or_none(partial(make, least_um=least_um))

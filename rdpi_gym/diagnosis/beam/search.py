@@ -110,18 +110,20 @@ class Beam:
         offered, blocks = len(self.evidence.offer.effects), Blocks.of(least.lefts)
         return Scores(tuple(sets), blocks, noise_um, floor_um, self.seed, offered)
 
+    def judge(self, found: Sequence[Visited]) -> None:
+        """Add visited sets, and accept those of them that are better."""
+        self.add(found)
+        self.accept(found, self.scored())
+
     def accept(self, found: Sequence[Visited], scores: Scores) -> None:
-        """Accept the sets that are better than their parents, and those with less that are no worse."""
+        """Accept the sets that are better than their parents, and all with less than an accepted one."""
         more = [one for one in found if len(one.model.names) >= len(self._parent(one).model.names)]
         for one, chance in zip(more, scores.chances_of(more), strict=True):
             if chance < LEVEL:
                 self.accepted.add(one.key)
-        for one in found:
-            parent = self._parent(one)
-            if one not in more and parent.key in self.accepted:
-                gain = scores.of(one) - scores.of(parent)
-                if chances(gain[None], np.zeros(1), scores.draws)[0] >= LEVEL:
-                    self.accepted.add(one.key)
+        accepted = [one for one in scores.sets if one.key in self.accepted]
+        fewer = (model.key for one in accepted for model in one.model.without_one())
+        self.accepted.update(key for key in fewer if key in self.visited)
 
     def _parent(self, one: Visited) -> Visited:
         return self.visited[one.parent] if one.parent is not None else one
@@ -152,13 +154,7 @@ class Scores:
     def weights(self) -> Array:
         """Weight of each set in each draw, ``(DRAWS, K)``."""
         priors = [prior_of(one.model, self.offered) for one in self.sets]
-        price = np.array([self._price(one) for one in self.sets])
-        return drawn_weights(self.table + price[:, None], priors, self.draws)
-
-    def _price(self, one: Visited) -> float:
-        """Return what the phantoms of all moves that led to a set gain (nats a block)."""
-        before = 0.0 if one.parent is None else self._price(self._by_key[one.parent])
-        return before + self._bar(one)
+        return drawn_weights(self.table, priors, self.draws)
 
     @cached_property
     def _by_key(self) -> dict[Key, Visited]:
@@ -218,41 +214,38 @@ def searched(
     """Run the beam to its end; return all sets, their scores, and the best one with names alone."""
     report, pool = progress or silent, Pool(jobs)
     beam = Beam(evidence, seed, on_visited)
-    base = beam.begin(stage)
-    if evidence.offer.begins_with_all:
-        others = stage("kinds", beam.visited, partial(of_other_kinds, evidence, base))
-        beam.add(others)
-        beam.accept(others, beam.scored())
+    base, with_all = beam.begin(stage), evidence.offer.begins_with_all
+    kinds = partial(_of_other_kinds, evidence, pool)
+    if with_all:
+        beam.judge(stage("kinds", beam.visited, partial(kinds, [base], loose=True)))
     done: set[Key] = set()
-    asked_kinds, signatures = False, dict[str, Sequence[Signature]]()
+    signatures = dict[str, Sequence[Signature]]()
     for number in range(ROUNDS):
         report("rounds of the beam", number, ROUNDS)
         scores = beam.scored()
         front = [one for one in _front(beam, scores) if one.key not in done]
         front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
-        if front:
-            cases = [(one, not scores.is_at_floor(one)) for one in front]
-            for one, grows in cases:
-                if grows and one.model.core.name not in signatures:
-                    signatures[one.model.core.name] = offered(evidence, one)
-            known = frozenset(beam.visited)
-            make = partial(expanded, evidence, known, signatures, cases, pool)
-        elif not asked_kinds and not scores.is_at_floor(best := best_of(beam, scores)):
-            asked_kinds, front = True, [best]
-            bare = [base] if best.model.effects else []
-            make = partial(_of_other_kinds, evidence, [best, *bare], pool)
-        else:
+        if not front:
             break
-        found = stage(f"round {number}", beam.visited, make)
-        beam.add(found)
-        done |= {one.key for one in front}
-        beam.accept(found, beam.scored())
-    scores = beam.scored()
-    best = best_of(beam, scores)
-    if not scores.is_at_floor(best):
+        cases = [(one, not scores.is_at_floor(one)) for one in front]
+        for one, grows in cases:
+            if grows and one.model.core.name not in signatures:
+                signatures[one.model.core.name] = offered(evidence, one)
         known = frozenset(beam.visited)
-        fewer = partial(dropped, evidence, known, best, pool)
-        beam.add(stage("with one less", beam.visited, fewer))
+        make = partial(expanded, evidence, known, signatures, cases, pool)
+        found = stage(f"round {number}", beam.visited, make)
+        if base in front and not with_all:
+            found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
+        done |= {one.key for one in front}
+        beam.judge(found)
+    scores, best = _settled(beam, pool, stage)
+    if not scores.is_at_floor(best):
+        bare = [base] if best.model.effects else []
+        beam.judge(
+            stage("kinds at the end", beam.visited, partial(kinds, [best, *bare], loose=True))
+        )
+        scores, best = _settled(beam, pool, stage)
+    if not scores.is_at_floor(best):
         blocks = partial(with_free_blocks, evidence, best, pool)
         beam.add(stage("free blocks", beam.visited, blocks))
         scores = beam.scored()
@@ -260,9 +253,21 @@ def searched(
     return beam, scores, best
 
 
-def _of_other_kinds(evidence: Evidence, sets: Sequence[Visited], pool: Pool) -> list[Visited]:
-    lists = pool.map(partial(of_other_kinds, evidence), sets)
+def _of_other_kinds(
+    evidence: Evidence, pool: Pool, sets: Sequence[Visited], loose: bool
+) -> list[Visited]:
+    lists = pool.map(partial(of_other_kinds, evidence, loose=loose), sets)
     return [one for each in lists for one in each]
+
+
+def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:
+    """Drop names of the best set until none with less has a larger weight."""
+    scores, before = beam.scored(), None
+    while (best := best_of(beam, scores)).key != before:
+        before, fewer = best.key, partial(dropped, beam.evidence, best, pool)
+        beam.judge(stage(f"less than {' '.join(before)}", beam.visited, fewer))
+        scores = beam.scored()
+    return scores, best
 
 
 def best_of(beam: Beam, scores: Scores) -> Visited:
