@@ -135,15 +135,15 @@ class Checkpoint:
         )
 
     def _ghosts(
-        self, one: Visited, new: Sequence[int], sets: Sets, linear: dict[tuple[str, ...], Linear]
+        self, one: Visited, new: Sequence[str], sets: Sets, linear: dict[tuple[str, ...], Linear]
     ) -> tuple[Any, ...]:
-        """Phantoms of a move, of which the file says the places alone."""
+        """Phantoms of a move, of which the file says the names alone."""
         assert one.parent is not None
         of = sets[one.parent].model
         if one.parent not in linear:
             variant = Variant(of.core, of.effects)
             linear[one.parent] = Linear(self._evidence.mended(of.clocks), variant)
-        return linear[one.parent].with_phantoms(one.fit.variant, new)
+        return linear[one.parent].with_phantoms(one.model, new)
 
 
 def _row(one: Visited) -> dict[str, Any]:

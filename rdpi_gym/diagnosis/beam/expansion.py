@@ -43,10 +43,14 @@ def offered(evidence: Evidence, of: Visited) -> list[Signature]:
 def _asked(
     evidence: Evidence,
     known: Collection[Key],
+    done: Collection[Key],
     signatures: Mapping[str, Sequence[Signature]],
     one: tuple[Visited, bool],
 ) -> list[Asked]:
-    """Return the moves of a set that promise most, and those that drop an effect."""
+    """Return the moves of a set that promise most, and those that drop an effect.
+
+    What promises most beside a set that was expanded was looked at there.
+    """
     of, grows = one
     place = Place(
         evidence.mended(of.model.clocks), of.model, signatures.get(of.model.core.name, ())
@@ -58,7 +62,8 @@ def _asked(
     for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
         if grows:
-            found.append(Asked(of, bare, bare.forms(effect), place))
+            others = [] if bare.model.key in done else bare.additions()
+            found.append(Asked(of, bare, [*bare.forms(effect), *others], place))
         if bare.model.key not in known:
             found.append(Asked(of, bare, ((),), place))
     return found
@@ -88,10 +93,8 @@ def _refitted(
     one = refitted(evidence, look.model, of.key)
     if one is None or not look.new:
         return one
-    new = [k for k, e in enumerate(one.model.effects) if e.name in look.new]
-    variant = Variant(one.model.core, one.model.effects)
-    ghosts = linear[which].with_phantoms(variant, new) if new else ()
-    return replace(one, ghosts=ghosts, new=tuple(new), tried=tried)
+    ghosts = linear[which].with_phantoms(one.model, look.new)
+    return replace(one, ghosts=ghosts, new=look.new, tried=tried)
 
 
 def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Visited]:
@@ -137,6 +140,7 @@ def _linear(evidence: Evidence, of: Visited) -> Linear:
 def expanded(
     evidence: Evidence,
     known: Collection[Key],
+    done: Collection[Key],
     signatures: Mapping[str, Sequence[Signature]],
     cases: Sequence[tuple[Visited, bool]],
     pool: Pool,
@@ -144,9 +148,9 @@ def expanded(
     """Return the sets that moves make of those of a beam, those that the race leaves refitted whole.
 
     With each set stands whether there is anything that more effects could take. Sets without an
-    effect that are `known` are not refitted again.
+    effect that are `known` are not refitted again, and of those that are `done` no name is exchanged.
     """
-    asked = pool.map(partial(_asked, evidence, known, signatures), cases)
+    asked = pool.map(partial(_asked, evidence, known, done, signatures), cases)
     found = _expanded(evidence, [each for own in asked for each in own], pool)
     rivals = [
         (m, one.key)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
-from rdpi_gym.diagnosis.beam.score import cross_fitted, orthogonal
+from rdpi_gym.diagnosis.beam.score import cross_fitted, further_step, orthogonal, within
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
     NO_FIT,
@@ -21,9 +21,11 @@ from rdpi_gym.identification.joint import (
     Tangents,
     effect_rows,
     fit_linearised,
+    free_numbers,
     kept_samples,
     tangents,
 )
+from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
@@ -70,7 +72,7 @@ class Visited:
     parent: tuple[str, ...] | None = None  # Key of the set that a move made it of
     # The same of the parent, linearised, alone and with each phantom of the move
     ghosts: tuple[tuple[Array, ...], ...] = ()
-    new: tuple[int, ...] = ()  # Places of the effects that the move brought
+    new: tuple[str, ...] = ()  # Names that the move brought
     tried: int = 0  # Moves of the parent that were looked at with it
     seconds: float = 0.0  # Processor time of its refit
 
@@ -109,14 +111,47 @@ def refitted(
         ]
         moves = np.concatenate([at.moves, np.ones(len(model.clocks), dtype=np.bool_)])
         lefts = cross_fitted(rows, moves)
-        lefts += residuals(here.validation, fit.variant, FIT_SAMPLES)
+        judged, variant = _judged(here, fit.variant, at)
+        lefts += judged
     except NO_FIT:
         return None
     if not all(np.isfinite(left).all() for left in lefts):
         return None
     # plays without a weight stay: what an effect takes up leaves others to be wanted
-    found = replace(model, core=fit.variant.hysteresis, effects=fit.variant.effects)
+    found = replace(model, core=variant.hysteresis, effects=variant.effects)
     return Visited(found, fit, tuple(lefts), parent, seconds=time.process_time() - began)
+
+
+def of_experiment(variant: Variant[Core]) -> BoolArray:
+    """Which numbers of a linearised model tell of the experiment and not of the plant.
+
+    What goes by the clock does: no record tells how it went in another one.
+    """
+    free = free_numbers(variant.hysteresis, variant.effects, 1.0)
+    by_clock = [n.effect is not None and variant.effects[n.effect].clocked for n in free]
+    return np.array([False] * len(variant.hysteresis.gains) + by_clock, dtype=np.bool_)
+
+
+def _judged(
+    evidence: Evidence, variant: Variant[Core], at: Tangents
+) -> tuple[list[Array], Variant[Core]]:
+    """Return what a model that was fitted leaves of the records to judge by, and the model there.
+
+    Its numbers of the experiment go on from the fit to these records, each stretch left out in turn.
+    """
+    own = of_experiment(variant) & at.moves
+    if not own.any():
+        return residuals(evidence.validation, variant, FIT_SAMPLES), variant
+    columns = np.flatnonzero(own)
+    rows = tangents(evidence.validation, variant, FIT_SAMPLES).rows
+    pairs = [(each[:, columns], each[:, -1]) for each in rows]
+    told = np.sum([x[:, columns].T @ x[:, columns] for x in at.rows], axis=0)
+    free = free_numbers(variant.hysteresis, variant.effects, 1.0)
+    moved = variant
+    for column, step in zip(columns, further_step(pairs, told), strict=True):
+        number = free[column - len(variant.hysteresis.gains)]
+        moved = number.write(moved, number.read(moved) + number.bounded(float(step)))
+    return within(pairs, told), moved
 
 
 def _with_clocks(
@@ -129,9 +164,15 @@ def _with_clocks(
     """Put the derivative by each clock fault before the residual."""
     if not clocks:
         return rows
-    own = [clock_column(record, clock, variant)[kept] for clock in clocks]
-    own = [column - column.mean() for column in own]
-    return np.column_stack([rows[:, :-1], *own, rows[:, -1]])
+    own = [_clock_rows(record, clock, variant, kept) for clock in clocks]
+    return np.hstack([rows[:, :-1], *own, rows[:, -1:]])
+
+
+def _clock_rows(
+    record: Record, clock: Clock, variant: Variant[Core], kept: NDArray[np.intp]
+) -> Array:
+    column = clock_column(record, clock, variant)[kept]
+    return np.asarray(column - column.mean())[:, None]
 
 
 def clock_column(record: Record, clock: Clock, variant: Variant[Core]) -> Array:
@@ -161,21 +202,19 @@ class Linear:
         """On the records to judge by."""
         return tangents(self.evidence.validation, self.variant, FIT_SAMPLES)
 
-    def with_phantoms(
-        self, variant: Variant[Core], new: Sequence[int]
-    ) -> tuple[tuple[Array, ...], ...]:
-        """Return what this set leaves beside each phantom of effects of another, at their places there.
+    def with_phantoms(self, model: Model, new: Collection[str]) -> tuple[tuple[Array, ...], ...]:
+        """Return what this set leaves beside each phantom of names of another, at their places there.
 
-        A phantom has the columns that the effects' parameters would have, were the effects driven by
-        the command of the record in reverse, or by another record's, less what their own columns
-        explain of them: it can not be the cause, and is as flexible.
+        A phantom has the columns that the names' numbers would have, were the plant driven by the
+        command of the record in reverse, or by another record's, less what their own columns explain
+        of them: it can not be the cause, and is as flexible.
         """
         train, validation = self.evidence.train, self.evidence.validation
         count, every = len(train), (*train, *validation)
-        own = self._columns(every, variant, new)
+        own = self._columns(every, model, new)
         found = []
         for ghosts in (list(map(_reversed, every)), _exchanged(every)):
-            columns = orthogonal(self._columns(ghosts, variant, new), own)
+            columns = orthogonal(self._columns(ghosts, model, new), own)
             both = [
                 np.column_stack([rows[:, :-1], column, rows[:, -1]])
                 for rows, column in zip(
@@ -184,23 +223,49 @@ class Linear:
             ]
             free = np.ones(columns[0].shape[1], dtype=np.bool_)
             moves = np.concatenate([self.train.moves, free])
-            found.append(tuple(cross_fitted(both[:count], moves, both[count:])))
+            local = np.concatenate([self._own, self._new_own(model, new)])
+            found.append(tuple(cross_fitted(both[:count], moves, both[count:], local)))
         return (self.alone, *found)
+
+    @property
+    def _own(self) -> BoolArray:
+        return of_experiment(self.variant)
+
+    @staticmethod
+    def _new_own(model: Model, new: Collection[str]) -> BoolArray:
+        """Which columns of new names are numbers of the experiment."""
+        found = [
+            effect.clocked
+            for effect in model.effects
+            if effect.name in new
+            for p in effect.parameters
+            if not p.fixed
+        ]
+        return np.array([*found, *(False for c in model.clocks if c.name in new)], dtype=np.bool_)
 
     @cached_property
     def alone(self) -> tuple[Array, ...]:
         """Residual of the set without a phantom (µm), by record, by the same steps."""
-        return tuple(cross_fitted(self.train.rows, self.train.moves, self.validation.rows))
+        train, validation = self.train, self.validation
+        return tuple(cross_fitted(train.rows, train.moves, validation.rows, self._own))
 
     def _columns(
-        self, records: Sequence[Record], variant: Variant[Core], new: Sequence[int]
+        self, records: Sequence[Record], model: Model, new: Collection[str]
     ) -> list[Array]:
-        count, found = len(self.evidence.train), []
+        variant, count, found = Variant(model.core, model.effects), len(self.evidence.train), []
+        places = [k for k, effect in enumerate(model.effects) if effect.name in new]
+        clocks = [clock for clock in model.clocks if clock.name in new]
         for part in (records[:count], records[count:]):
-            by_effect = [effect_rows(part, [variant], k, FIT_SAMPLES)[0].rows for k in new]
-            found += [
-                np.hstack([own[:, :-1] for own in each]) for each in zip(*by_effect, strict=True)
+            by_name = [
+                [each[:, :-1] for each in effect_rows(part, [variant], k, FIT_SAMPLES)[0].rows]
+                for k in places
             ]
+            kept = kept_samples(part, FIT_SAMPLES)
+            by_name += [
+                [_clock_rows(r, c, variant, index) for r, index in zip(part, kept, strict=True)]
+                for c in clocks
+            ]
+            found += [np.hstack(each) for each in zip(*by_name, strict=True)]
         return found
 
 

@@ -26,8 +26,8 @@ from rdpi_gym.diagnosis.beam.constants import (
 )
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
-from rdpi_gym.diagnosis.beam.models import Model, clock_column
-from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, whole_step
+from rdpi_gym.diagnosis.beam.models import Model, clock_column, of_experiment
+from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, gone_on, whole_step
 from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
 from rdpi_gym.identification.cores import first_fit, fit_or_none
 from rdpi_gym.identification.joint import (
@@ -100,7 +100,7 @@ class Place:
     @cached_property
     def foresight(self) -> Foresight:
         """The set linearised on all records."""
-        return Foresight(*self._linear)
+        return Foresight(*self._linear, of_experiment(self.begun.variant))
 
     @cached_property
     def _blocks(self) -> tuple[Blocks, float, float]:
@@ -173,11 +173,12 @@ class Place:
         at, judged = self._linearised(fit)
         core, effects = fit.variant.hysteresis, fit.variant.effects
         model = replace(self.model, core=core, effects=effects)
-        lefts = cross_fitted(at.rows, at.moves, judged.rows)
+        lefts = cross_fitted(at.rows, at.moves, judged.rows, of_experiment(fit.variant))
         here = [rows[:, -1] for rows in (*at.rows, *judged.rows)]
         count = len(at.rows)
         if _squares(lefts[:count]) < _squares(here[:count]):  # a step that was not taken
-            lefts = here
+            own = at.moves & of_experiment(fit.variant)
+            lefts = [*here[:count], *gone_on(at.rows, own, judged.rows)]
         return Look(model, tuple(lefts), new)
 
     def stepped(self) -> Look:
@@ -217,12 +218,11 @@ class Place:
         return self._promised([*self.signed(shown), *own])
 
     def additions(self) -> list[Starts]:
-        """Starts of the effects that promise most: of each the simplest form, and the best one."""
+        """Starts of the effects that promise most, of every form: a step says little of a kinked one."""
         asked: list[Starts] = []
-        for name, forms in list(self._new.items())[:LOOKED]:
-            kinds, best = forms_of(self.evidence.offer.effects[name]), forms[0][1]
-            simplest = min((own for _, own in forms), key=lambda own: kinds.index(own.form))
-            asked += [(own,) for own in dict.fromkeys((simplest.start, best.start, *best.further))]
+        for forms in list(self._new.values())[:LOOKED]:
+            starts = [start for _, own in forms for start in (own.start, *own.further)]
+            asked += [(start,) for start in starts]
         return asked
 
     def pairs(self) -> list[Starts]:
@@ -280,11 +280,12 @@ class Place:
                 rows.append(np.column_stack([own[:, :-1], column - column.mean(), own[:, -1]]))
             both.append(rows)
         moves = np.append(self._linear[0].moves, True)
+        local = np.concatenate([of_experiment(variant), np.zeros(1, dtype=np.bool_)])
         size = float(whole_step(both[0], moves)[-1])
         if size == 0.0:
             return None
         model = replace(self.model, clocks=(*self.model.clocks, replace(clock, value=size)))
-        return Look(model, tuple(cross_fitted(both[0], moves, both[1])), (clock.name,))
+        return Look(model, tuple(cross_fitted(both[0], moves, both[1], local)), (clock.name,))
 
 
 def _squares(lefts: Sequence[Array]) -> float:

@@ -68,7 +68,10 @@ class Blocks:
 
 
 def cross_fitted(
-    rows: Sequence[Array], moves: BoolArray, validation: Sequence[Array] = ()
+    rows: Sequence[Array],
+    moves: BoolArray,
+    validation: Sequence[Array] = (),
+    own: BoolArray | None = None,
 ) -> list[Array]:
     """Return what a linearised model leaves of stretches to which it was not fitted (µm), by record.
 
@@ -80,6 +83,9 @@ def cross_fitted(
         Which of the numbers may move, ``(P,)``.
     validation
         The same of records that are never fitted.
+    own
+        Which of the numbers tell of the experiment and not of the plant, ``(P,)``: these are fitted to
+        the other stretches of the records to judge by as well.
 
     Notes
     -----
@@ -92,17 +98,51 @@ def cross_fitted(
     gram = np.sum([x.T @ x for x, _ in pairs], axis=0)
     pull = np.sum([x.T @ left for x, left in pairs], axis=0)
     ridge = np.diag(RIDGE * np.diag(gram) + 1e-300)
-    found = []
-    for x, left in pairs:
-        out = left.copy()
-        for part in _stretches(left.size):
-            own, own_left = x[part], left[part]
-            step = _solved(gram - own.T @ own + ridge, pull - own.T @ own_left)
-            out[part] = own_left - own @ step
-        found.append(out)
+    found = [_left_out(x, left, gram + ridge, pull) for x, left in pairs]
     step = _solved(gram + ridge, pull)
-    found += [each[:, -1] - each[:, columns] @ step for each in validation]
-    return found
+    judged = [np.column_stack([v[:, :-1], v[:, -1] - v[:, columns] @ step]) for v in validation]
+    return [*found, *gone_on(rows, np.zeros_like(moves) if own is None else moves & own, judged)]
+
+
+def gone_on(rows: Sequence[Array], own: BoolArray, validation: Sequence[Array]) -> list[Array]:
+    """Return what is left of records to judge by where some numbers go on from the fit to these."""
+    local = np.flatnonzero(own)
+    told = np.sum([x[:, local].T @ x[:, local] for x in rows], axis=0)
+    return within([(each[:, local], each[:, -1]) for each in validation], told)
+
+
+def within(pairs: Sequence[tuple[Array, Array]], told: Array) -> list[Array]:
+    """Return what is left of stretches of records after a step of some numbers to all other stretches.
+
+    Parameters
+    ----------
+    pairs
+        By record, derivatives by these numbers, ``(N, Q)``, and the residual.
+    told
+        Products of their derivatives on records that they were fitted to, ``(Q, Q)``.
+    """
+    if not told.size:
+        return [left for _, left in pairs]
+    gram = told + np.sum([x.T @ x for x, _ in pairs], axis=0)
+    pull = np.sum([x.T @ left for x, left in pairs], axis=0)
+    ridge = np.diag(RIDGE * np.diag(gram) + 1e-300)
+    return [_left_out(x, left, gram + ridge, pull) for x, left in pairs]
+
+
+def further_step(pairs: Sequence[tuple[Array, Array]], told: Array) -> Array:
+    """Return the step of the same numbers to all stretches."""
+    gram = told + np.sum([x.T @ x for x, _ in pairs], axis=0)
+    pull = np.sum([x.T @ left for x, left in pairs], axis=0)
+    return _solved(gram + np.diag(RIDGE * np.diag(gram) + 1e-300), pull)
+
+
+def _left_out(x: Array, left: Array, gram: Array, pull: Array) -> Array:
+    """Leave out each stretch of a record in turn, and return what the step to the rest leaves of it."""
+    out = left.copy()
+    for part in _stretches(left.size):
+        own, own_left = x[part], left[part]
+        out[part] = own_left - own @ _solved(gram - own.T @ own, pull - own.T @ own_left)
+    return out
 
 
 def whole_step(rows: Sequence[Array], moves: BoolArray) -> Array:

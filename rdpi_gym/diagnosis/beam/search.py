@@ -232,7 +232,7 @@ def searched(
             if grows and one.model.core.name not in signatures:
                 signatures[one.model.core.name] = offered(evidence, one)
         known = frozenset(beam.visited)
-        make = partial(expanded, evidence, known, signatures, cases, pool)
+        make = partial(expanded, evidence, known, frozenset(done), signatures, cases, pool)
         found = stage(f"round {number}", beam.visited, make)
         if base in front and not with_all:
             found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]

@@ -16,9 +16,10 @@ from itertools import groupby
 import numpy as np
 
 from rdpi_gym.diagnosis.beam.constants import RACE_SAMPLES
+from rdpi_gym.diagnosis.beam.score import within
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import NO_FIT, Tangents, effect_rows
-from rdpi_gym.identification.least_squares import signed_least_squares
+from rdpi_gym.identification.least_squares import BoolArray, signed_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
@@ -107,9 +108,11 @@ class Foresight:
     ----------
     train, validation
         On the records to fit and to judge by.
+    own
+        Which of its numbers tell of the experiment and not of the plant.
     """
 
-    def __init__(self, train: Tangents, validation: Tangents) -> None:
+    def __init__(self, train: Tangents, validation: Tangents, own: BoolArray) -> None:
         columns = np.flatnonzero(train.moves)
         rows = [*train.rows, *validation.rows]
         self._columns = np.concatenate([each[:, columns] for each in rows])
@@ -117,6 +120,7 @@ class Foresight:
         self._ends = np.cumsum([len(each) for each in rows])[:-1]
         self._inverse = np.linalg.pinv(self._columns[: self._fitted])
         self._left = self._less(np.concatenate([each[:, -1] for each in rows]))
+        self._own = self._columns[:, own[columns]]
         here = self._left[: self._fitted]
         self.squares = float(here @ here)
 
@@ -125,8 +129,16 @@ class Foresight:
         explained = self._columns @ (self._inverse @ columns[: self._fitted])
         return np.asarray(columns - explained)
 
-    def _by_record(self, left: Array) -> list[Array]:
-        return np.split(left, self._ends)
+    def _by_record(self, left: Array, *further: Signature) -> list[Array]:
+        """Split by record; numbers of the experiment, of further starts too, are fitted to all."""
+        columns = [self._own, *(own.rows[:, :-1] for own in further if own.start.clocked)]
+        local, found = np.hstack(columns), np.split(left, self._ends)
+        if not local.size:
+            return found
+        x = np.split(local, self._ends)
+        count = int(np.searchsorted(self._ends, self._fitted)) + 1
+        told = local[: self._fitted].T @ local[: self._fitted]
+        return [*found[:count], *within(list(zip(x[count:], found[count:], strict=True)), told)]
 
     @property
     def lefts(self) -> list[Array]:
@@ -153,7 +165,7 @@ class Foresight:
     def after(self, promise: Promise) -> list[Array]:
         """Return what the set would leave after the step (µm), by record."""
         change = promise.signature.rows @ np.append(promise.step, 1.0)
-        return self._by_record(self._left - self._less(change))
+        return self._by_record(self._left - self._less(change), promise.signature)
 
     def after_both(self, a: Promise, b: Promise) -> list[Array]:
         """Return what the set would leave after a step of two starts together (µm), by record."""
@@ -162,7 +174,7 @@ class Foresight:
         columns = np.hstack([each[:, :-1] for each in rows])
         here, fitted = columns[: self._fitted], left[: self._fitted]
         step = bounded(here.T @ here, here.T @ fitted, [*a.signature.ways, *b.signature.ways])
-        return self._by_record(left - columns @ step)
+        return self._by_record(left - columns @ step, a.signature, b.signature)
 
 
 def bounded(gram: Array, rhs: Array, ways: Sequence[tuple[bool, bool]]) -> Array:

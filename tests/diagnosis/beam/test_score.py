@@ -49,6 +49,21 @@ def test_a_number_that_may_not_move_has_no_part_in_the_cross_fit():
     assert both[0] == pytest.approx(one[0])
 
 
+def test_numbers_of_the_experiment_go_on_in_records_to_judge_by_and_those_of_the_plant_do_not():
+    rng = np.random.default_rng(5)
+    plant, later = rng.normal(size=(2, 320))
+    fitted = np.column_stack([plant, np.zeros(320), 0.01 * rng.normal(size=320)])
+    judged = np.column_stack([plant, later, plant + 2.0 * later])
+    moves, own = np.array([True, True]), np.array([False, True])
+    alone = cross_fitted([fitted], moves, [judged])[1]
+    both = cross_fitted([fitted], moves, [judged], own)[1]
+    assert alone == pytest.approx(plant + 2.0 * later, abs=0.01)
+    part = slice(0, 320 // constants.FOLDS)
+    rest = slice(part.stop, None)
+    step = (later[rest] @ judged[rest, -1]) / (later[rest] @ later[rest])
+    assert both[part] == pytest.approx((judged[:, -1] - step * later)[part], abs=0.01)
+
+
 def test_phantom_columns_hold_nothing_of_the_effect_own_ones():
     rng = np.random.default_rng(4)
     own = [rng.normal(size=(50, 2)), rng.normal(size=(70, 2))]

@@ -63,11 +63,9 @@ def test_a_phantom_of_creep_gains_next_to_nothing_of_what_creep_does(crept):
     base = begun(evidence)
     look = Place(evidence, base.model).look_at(CATALOGUE["creep"].starts(evidence.scale)[:1])
     with_creep = refitted(evidence, look.model, base.key)
-    variant = Variant(with_creep.model.core, with_creep.model.effects)
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
-    alone, *ghosts = [
-        np.mean(np.concatenate(lefts) ** 2) for lefts in linear.with_phantoms(variant, [0])
-    ]
+    ghosts = linear.with_phantoms(with_creep.model, ["creep"])
+    alone, *ghosts = [np.mean(np.concatenate(lefts) ** 2) for lefts in ghosts]
     gain = np.log(alone / with_creep.rmse_um**2)
     assert gain > 1.0
     assert all(np.log(alone / ghost) < 0.2 * gain for ghost in ghosts)
@@ -107,6 +105,22 @@ def test_a_late_record_is_mended_by_the_delay_of_its_own_clock(crept):
     other = Clock("delay", "another", 0.01)
     assert other.mended(late) is late
     assert Model(P10.hysteresis, clocks=(other,)).names == {"clock delay of another"}
+
+
+def test_a_fault_of_a_clock_has_phantoms_that_gain_next_to_nothing(crept):
+    (record, *rest) = crept.records
+    late = replace(record, u_V=np.interp(record.t_s + 0.01, record.t_s, record.u_V))
+    evidence = Evidence.of(Dataset("one clock is fast", (late, *rest)))
+    base = begun(evidence)
+    clock = Clock("delay", record.name, 0.01)
+    mended = refitted(evidence, replace(base.model, clocks=(clock,)), base.key)
+    linear = Linear(evidence, Variant(base.model.core, base.model.effects))
+    found = linear.with_phantoms(mended.model, [clock.name])
+    alone, *ghosts = [np.mean(np.concatenate(lefts) ** 2) for lefts in found]
+    gain = np.log(alone / mended.rmse_um**2)
+    assert gain > 0.3
+    assert len(ghosts) == 2
+    assert all(np.log(alone / ghost) < 0.2 * gain for ghost in ghosts)
 
 
 def test_a_clock_that_leaves_the_floats_is_a_set_less_and_not_the_end(crept):
