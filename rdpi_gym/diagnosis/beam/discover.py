@@ -67,7 +67,8 @@ def discover(
     began = time.perf_counter()
     evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
     seen, kept = _told(evidence, given, on_candidate), Checkpoint(checkpoint, evidence, seed)
-    course = Course(evidence, *searched(evidence, jobs, seed, progress, seen, kept.stage))
+    beam, scores, best = searched(evidence, jobs, seed, progress, seen, kept.stage)
+    course = Course(beam.evidence, beam, scores, best)
     ending = ended(
         course, kind="discovery", began=began, given=given, seed=seed, pool=Pool(jobs),
         progress=progress or silent, notes=kept.remarks,
@@ -250,11 +251,9 @@ def _with_one(
     one = refitted(evidence, best.model, base.key)
     if one is None:
         return None
-    variant = Variant(one.model.core, one.model.effects)
-    new = [k for k, effect in enumerate(variant.effects) if effect.name == name]
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
-    ghosts, tried = linear.with_phantoms(variant, new), len(evidence.offer.effects)
-    return replace(one, ghosts=ghosts, new=tuple(new), tried=tried)
+    ghosts, tried = linear.with_phantoms(one.model, [name]), len(evidence.offer.effects)
+    return replace(one, ghosts=ghosts, new=(name,), tried=tried)
 
 
 def _learned(

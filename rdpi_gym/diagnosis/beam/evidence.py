@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -20,7 +20,9 @@ from rdpi_gym.diagnosis.features.noise import (
 )
 from rdpi_gym.diagnosis.notices import Statement
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect
+from rdpi_gym.diagnosis.search.record_clocks import unknown_past
 from rdpi_gym.diagnosis.suitability import falls, thinned, turned
+from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
@@ -92,6 +94,8 @@ class Evidence:
     dataset: Dataset  # All records as inspection left them, in full
     read: Dataset  # The same with the samples that a search reads
     offer: Offer
+    # By record, the samples at its beginning whose past nobody recorded: of those read, and in full
+    openings: Mapping[str, tuple[BoolArray, BoolArray]]
     reads_fewer: str | None = None  # Which samples a search reads, where it does not read all
 
     @classmethod
@@ -115,12 +119,14 @@ class Evidence:
         looked = inspect(dataset if sign > 0.0 else turned(dataset))
         few = thinned(looked.dataset, looked.openings, READ_SAMPLES)
         found = looked.dataset if few is None else few.dataset
+        openings = looked.openings if few is None else few.openings
         train, validation = found.train, found.validation
-        whole = {r.name: r for r in (*train, *validation)}
+        every = {r.name: r for r in (*train, *validation)}
         return cls(
             train, validation, data_scale((*train, *validation)),
-            measured_noise(quiet_noise(found.quiet), tuple(whole.values())),
+            measured_noise(quiet_noise(found.quiet), tuple(every.values())),
             looked.findings, orientation(train), sign, looked.dataset, found, offer or Offer(),
+            {name: (openings[name], whole) for name, whole in looked.openings.items()},
             None if few is None else few.sentence,
         )  # fmt: skip
 
@@ -131,6 +137,24 @@ class Evidence:
         whole = {r.name: r for r in (*train, *validation)}
         noise = measured_noise(quiet_noise(self.dataset.quiet), tuple(whole.values()))
         return replace(self, train=train, validation=validation, noise=noise, read=self.dataset)
+
+    def spared(self, names: Collection[str], at_end: bool = False) -> Evidence:
+        """Return the records without the openings of some: these are simulated and not scored.
+
+        Or without as many samples at the ends.
+        """
+        turn = -1 if at_end else 1
+        read, whole = ({name: self.openings[name][k][::turn] for name in names} for k in (0, 1))
+        part = _without(self.read, read)
+        return replace(
+            self,
+            train=part.train,
+            validation=part.validation,
+            read=part,
+            dataset=_without(self.dataset, whole),
+            openings={name: own for name, own in self.openings.items() if name not in read},
+            findings=(*self.findings, unknown_past(whole)),
+        )
 
     def mended(self, clocks: Sequence[Clock]) -> Evidence:
         """Return the records with their clocks set right."""
@@ -148,3 +172,12 @@ class Evidence:
     def floor(self, lefts: Sequence[Array]) -> tuple[float, Statement]:
         """Return the noise floor (µm rms) and where the figure comes from."""
         return floor_from(self.noise, rough_parts(lefts), slowness(lefts))
+
+
+def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:
+    """Return records of which some samples do not count."""
+    shorter = [
+        replace(r, error_mask=r.error_mask & ~masks[r.name]) if r.name in masks else r
+        for r in dataset.records
+    ]
+    return replace(dataset, records=tuple(shorter))

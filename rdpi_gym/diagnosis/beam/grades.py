@@ -144,8 +144,8 @@ def diagnose(
     ()
     """
     began = time.process_time()
-    evidence = Evidence.of(dataset, offer)
-    return diagnosis_of(evidence, *searched(evidence, jobs, seed, progress), began)
+    beam, scores, best = searched(Evidence.of(dataset, offer), jobs, seed, progress)
+    return diagnosis_of(beam.evidence, beam, scores, best, began)
 
 
 def diagnosis_of(

@@ -119,6 +119,7 @@ def refitted(
         return None
     # plays without a weight stay: what an effect takes up leaves others to be wanted
     found = replace(model, core=variant.hysteresis, effects=variant.effects)
+    fit = replace(fit, variant=variant)
     return Visited(found, fit, tuple(lefts), parent, seconds=time.process_time() - began)
 
 

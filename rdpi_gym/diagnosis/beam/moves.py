@@ -185,6 +185,10 @@ class Place:
         """The set itself after as many steps as a look takes."""
         return self._seen(self._steps(self.model.effects, RACE_STEPS), ())
 
+    def best_starts(self, starts: Iterable[Effect]) -> list[Effect]:
+        """Return of each form the start that promises most."""
+        return [each.start for each in self.foresight.promises(self.signed(starts))]
+
     def without(self, name: str) -> Place:
         """The place without an effect."""
         kept = tuple(e for e in self.model.effects if e.name != name)

@@ -28,6 +28,7 @@ from rdpi_gym.diagnosis.beam.expansion import (
 )
 from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS
+from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
@@ -220,9 +221,16 @@ def searched(
         beam.judge(stage("kinds", beam.visited, partial(kinds, [base], loose=True)))
     done: set[Key] = set()
     signatures = dict[str, Sequence[Signature]]()
+    looked_at: set[Key] = set()  # Sets by which the openings were judged, the best of each round
     for number in range(ROUNDS):
         report("rounds of the beam", number, ROUNDS)
         scores = beam.scored()
+        best = best_of(beam, scores)
+        if number > 0 and best.key not in looked_at and not scores.is_at_floor(best):
+            looked_at.add(best.key)
+            spared = without_unknown_past(evidence, best)
+            if spared is not None:
+                return searched(spared, jobs, seed, progress, on_visited)
         front = [one for one in _front(beam, scores) if one.key not in done]
         front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
         if not front:
@@ -278,9 +286,15 @@ def best_of(beam: Beam, scores: Scores) -> Visited:
 
 
 def _front(beam: Beam, scores: Scores) -> list[Visited]:
-    """Return the accepted sets that go on: the best few that have a weight among them."""
+    """Return the accepted sets that go on: of the best few, those that may yet lead to the right one.
+
+    These have a weight, or are behind the best one by no more than that itself leaves: whatever takes
+    that may be missing beside them as well.
+    """
     chosen = [k for k, one in enumerate(scores.sets) if one.key in beam.accepted]
     mean = scores.weights[:, chosen].mean(axis=0)
     mean = mean / max(float(mean.sum()), 1e-300)
-    order = [int(k) for k in np.argsort(-mean)[:BEAM] if mean[k] >= LEAST_WEIGHT]
-    return [scores.sets[chosen[k]] for k in order]
+    order = [int(k) for k in np.argsort(-mean)[:BEAM]]
+    left = scores.table[chosen].mean(axis=1)
+    most = 0.0 if scores.is_at_floor(scores.sets[chosen[order[0]]]) else 2.0 * left[order[0]]
+    return [scores.sets[chosen[k]] for k in order if mean[k] >= LEAST_WEIGHT or left[k] <= most]

@@ -9,6 +9,7 @@ from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import diagnose, takes_less
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, raced
+from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.search import Scores, begun
 from rdpi_gym.identification.jacobian import Variant
@@ -121,6 +122,26 @@ def test_a_fault_of_a_clock_has_phantoms_that_gain_next_to_nothing(crept):
     assert gain > 0.3
     assert len(ghosts) == 2
     assert all(np.log(alone / ghost) < 0.2 * gain for ghost in ghosts)
+
+
+def test_openings_of_records_that_begin_in_motion_are_left_out_and_those_of_others_are_not():
+    train, validation = _records(P10)
+    t = np.arange(2400) * TS_S
+    u = 45.0 * np.sin(2.0 * np.pi * 0.5 * t) + 10.0 * np.sin(2.0 * np.pi * 2.3 * t)
+    y = Plant(P10, TS_S).simulate(u) + 0.01 * np.random.default_rng(9).normal(size=t.size)
+    moving = [
+        replace(
+            train, name=f"from {k}", t_s=t[k:] - t[k], u_V=u[k:], y_um=y[k:],
+            error_mask=np.zeros(0, dtype=np.bool_),
+        )
+        for k in (650, 1150)
+    ]  # fmt: skip
+    evidence = Evidence.of(Dataset("two begin in motion", (*moving, validation)))
+    spared = without_unknown_past(evidence, begun(evidence))
+    assert spared is not None
+    assert begun(spared).rmse_um < 0.5 * begun(evidence).rmse_um
+    sound = Evidence.of(Dataset("all begin at rest", (train, validation)))
+    assert without_unknown_past(sound, begun(sound)) is None
 
 
 def test_a_clock_that_leaves_the_floats_is_a_set_less_and_not_the_end(crept):

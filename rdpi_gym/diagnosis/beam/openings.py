@@ -1,0 +1,114 @@
+"""Openings of records whose past nobody recorded, left out where they spoil the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from rdpi_gym.diagnosis.beam.constants import DRAWS, FIT_SAMPLES, LEVEL, MOST_BLOCKS
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
+from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.models import Visited, refitted, residuals
+from rdpi_gym.diagnosis.beam.moves import Place, raced
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import kept_samples
+from rdpi_gym.identification.least_squares import BoolArray
+from rdpi_gym.plant.effects import forms_of
+from rdpi_gym.support.arrays import Array
+
+_MEMORY = "initial_memory"
+
+
+def without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
+    """Return the records without the openings that spoil a set; None where all may count.
+
+    Refitted without them, the set misses these openings by more than as much of the rest of their
+    records; it fits the rest better by the one decision, beyond what leaving out as many samples at
+    the records' ends gains, their phantom; and no initial memory that all records share does as well.
+    """
+    names = [r.name for r in (*evidence.train, *evidence.validation)]
+    names = [name for name in dict.fromkeys(names) if name in evidence.openings]
+    without = refitted(evidence.spared(names), of.model) if names else None
+    if without is None:
+        return None
+    parts = {n: own for n, own in _parts(evidence, without).items() if n in names}
+    spoilt = [name for name, own in parts.items() if _stands_out(*own) * len(parts) < LEVEL]
+    if not spoilt:
+        return None
+    spared = evidence.spared(spoilt)
+    both = [refitted(each, of.model) for each in (spared, evidence.spared(spoilt, at_end=True))]
+    if any(one is None for one in both):
+        return None
+    without, phantom = (one for one in both if one is not None)
+    memory = _remembering(evidence, of)
+    floor_um = evidence.floor_um(without.lefts)
+    here, there, least = (
+        _scores(evidence, one, spoilt, floor_um) for one in (of, phantom, without)
+    )
+    bar, draws = max(float((here - there).mean()), 0.0), draw_blocks(least.size)
+    if chances((here - least)[None], np.array([bar]), draws)[0] >= LEVEL:
+        return None
+    if memory is not None:
+        kept = _scores(evidence, memory, spoilt, floor_um)
+        if chances((kept - least)[None], np.zeros(1), draws)[0] >= LEVEL:
+            return None
+    return spared
+
+
+def _marked(evidence: Evidence, of: Visited) -> list[tuple[str, BoolArray, Array]]:
+    """By record, which samples are of its opening, and what the model of a set leaves (µm)."""
+    here, found = evidence.mended(of.model.clocks), []
+    variant = Variant(of.model.core, of.model.effects)
+    for part in (here.train, here.validation):
+        kept, lefts = kept_samples(part, FIT_SAMPLES), residuals(part, variant, FIT_SAMPLES)
+        for record, index, left in zip(part, kept, lefts, strict=True):
+            known = np.zeros(record.u_V.size, dtype=np.bool_)
+            early = evidence.openings.get(record.name, (known, known))[0][index]
+            found.append((record.name, early, left))
+    return found
+
+
+def _parts(evidence: Evidence, of: Visited) -> Mapping[str, tuple[Array, Array]]:
+    """Return what a set leaves of the opening of each record, and of the rest (µm)."""
+    return {
+        name: (left[early] - left[~early].mean(), left[~early] - left[~early].mean())
+        for name, early, left in _marked(evidence, of)
+        if early.any() and not early.all()
+    }
+
+
+def _scores(evidence: Evidence, of: Visited, names: Collection[str], floor_um: float) -> Array:
+    """Score blocks of all records, but for the openings of some and as many samples at their ends."""
+    found = []
+    for name, early, left in _marked(evidence, of):
+        count = int(early.sum()) if name in names else 0
+        middle = left[count : left.size - count] if 2 * count < left.size else left[count:]
+        found.append(_mean_squares(middle - middle.mean(), MOST_BLOCKS))
+    return np.log(np.maximum(np.concatenate(found) / floor_um**2, 1.0))
+
+
+def _mean_squares(left: Array, blocks: int) -> Array:
+    """Mean square of blocks of a residual (µm²)."""
+    edges = np.linspace(0, left.size, min(blocks, left.size) + 1).astype(np.intp)
+    return np.asarray(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
+
+
+def _stands_out(opened: Array, rest: Array) -> float:
+    """Return the chance that as many blocks of the rest leave as much as those of an opening."""
+    count = max(round(MOST_BLOCKS * opened.size / (opened.size + rest.size)), 1)
+    usual = _mean_squares(rest, max(MOST_BLOCKS - count, 1))
+    drawn = np.random.default_rng(0).choice(usual, (DRAWS, count)).mean(axis=1)
+    return float(np.mean(drawn >= np.mean(opened**2)))
+
+
+def _remembering(evidence: Evidence, of: Visited) -> Visited | None:
+    """Return a set with the initial memory that all records share, in its best form."""
+    if _MEMORY in of.model.names or _MEMORY not in evidence.offer.effects:
+        return None
+    place = Place(evidence.mended(of.model.clocks), of.model)
+    forms = [f for f in forms_of(evidence.offer.effects[_MEMORY]) if f.fits_in(type(of.model.core))]
+    starts = place.best_starts(start for form in forms for start in form.starts(evidence.scale))
+    looks = [place.look_at((start,)) for start in starts]
+    best = raced(place.stepped(), [look for look in looks if look is not None], place.evidence, 1)
+    return refitted(evidence, best[0].model, of.key) if best else None
