@@ -97,6 +97,8 @@ class Evidence:
     # By record, the samples at its beginning whose past nobody recorded: of those read, and in full
     openings: Mapping[str, tuple[BoolArray, BoolArray]]
     reads_fewer: str | None = None  # Which samples a search reads, where it does not read all
+    # What the simulation leaves open of each record, those to fit first (µm rms)
+    numerical_um: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, dataset: Dataset, offer: Offer | None = None) -> Evidence:
@@ -172,6 +174,11 @@ class Evidence:
     def floor(self, lefts: Sequence[Array]) -> tuple[float, Statement]:
         """Return the noise floor (µm rms) and where the figure comes from."""
         return floor_from(self.noise, rough_parts(lefts), slowness(lefts))
+
+    def floors_um(self, lefts: Sequence[Array]) -> Array:
+        """Return the floor of each record (µm rms): noise, and what the simulation leaves open."""
+        numerical_um = self.numerical_um or (0.0,) * len(lefts)
+        return np.hypot(self.floor_um(lefts), numerical_um)
 
 
 def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:

@@ -103,16 +103,16 @@ class Place:
         return Foresight(*self._linear, of_experiment(self.begun.variant))
 
     @cached_property
-    def _blocks(self) -> tuple[Blocks, float, float]:
-        """Blocks of what the set leaves, the floor (µm rms), and the mean score."""
+    def _blocks(self) -> tuple[Blocks, Array, float]:
+        """Blocks of what the set leaves, the floor of each record (µm rms), and the mean score."""
         lefts = self.foresight.lefts
-        blocks, floor_um = Blocks.of(lefts), self.evidence.floor_um(lefts)
-        return blocks, floor_um, float(blocks.scores(lefts, floor_um).mean())
+        blocks, floors_um = Blocks.of(lefts), self.evidence.floors_um(lefts)
+        return blocks, floors_um, float(blocks.scores(lefts, floors_um).mean())
 
     def _gain(self, lefts: Sequence[Array]) -> float:
         """Gain of these residuals over those of the set (nats a block)."""
-        blocks, floor_um, here = self._blocks
-        return here - float(blocks.scores(lefts, floor_um).mean())
+        blocks, floors_um, here = self._blocks
+        return here - float(blocks.scores(lefts, floors_um).mean())
 
     def signed(self, starts: Iterable[Effect]) -> list[Signature]:
         """Simulate signatures of starts beside the set."""
@@ -362,6 +362,6 @@ def bearable(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look
 
 def _scores(base: Look, looks: Sequence[Look], evidence: Evidence) -> tuple[Array, Array]:
     """Score of each block where looks begin, ``(B,)``, and of each look, ``(M, B)``."""
-    blocks, floor_um = Blocks.of(base.lefts), evidence.floor_um(base.lefts)
-    scores = np.array([blocks.scores(look.lefts, floor_um) for look in looks])
-    return blocks.scores(base.lefts, floor_um), scores
+    blocks, floors_um = Blocks.of(base.lefts), evidence.floors_um(base.lefts)
+    scores = np.array([blocks.scores(look.lefts, floors_um) for look in looks])
+    return blocks.scores(base.lefts, floors_um), scores

@@ -61,10 +61,14 @@ class Blocks:
             found.append(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
         return np.concatenate(found)
 
-    def scores(self, lefts: Sequence[Array], floor_um: float) -> Array:
-        """Return the score of each block (nats), ``(B,)``: zero at the floor and below."""
-        ratio = self.mean_squares(lefts) / max(floor_um**2, 1e-300)
-        return np.log(np.maximum(ratio, 1.0))
+    def scores(self, lefts: Sequence[Array], floors_um: Array) -> Array:
+        """Return the score of each block (nats), ``(B,)``: zero at the floor of its record and below."""
+        return np.log(np.maximum(self.ratios(lefts, floors_um), 1.0))
+
+    def ratios(self, lefts: Sequence[Array], floors_um: Array) -> Array:
+        """Return the mean square of each block over that of its record's floor, ``(B,)``."""
+        floors_um2 = np.repeat(np.maximum(floors_um**2, 1e-300), self.counts)
+        return np.asarray(self.mean_squares(lefts) / floors_um2)
 
 
 def cross_fitted(

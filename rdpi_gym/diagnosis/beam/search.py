@@ -80,6 +80,7 @@ class Beam:
     on_visited: OnVisited | None = None
     visited: dict[Key, Visited] = field(default_factory=dict)
     accepted: set[Key] = field(default_factory=set)  # Sets that a chain of better moves leads to
+    _least: Visited | None = None  # Set at whose floor the sets are scored
 
     def add(self, found: Sequence[Visited]) -> None:
         """Add visited sets; of two visits of one set the better one stays."""
@@ -102,14 +103,22 @@ class Beam:
         """Score all sets on common blocks, at the floor of the one that leaves least."""
         sets = list(self.visited.values())
         least = min(sets, key=lambda each: each.rmse_um)
+        if least is not self._least:
+            self._least, self.evidence = least, self._with_numerical(least)
+        offered, blocks = len(self.evidence.offer.effects), Blocks.of(least.lefts)
         noise_um = self.evidence.floor_um(least.lefts)
+        floors_um = self.evidence.floors_um(least.lefts)
+        return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, offered)
+
+    def _with_numerical(self, least: Visited) -> Evidence:
+        """Return the records with what their simulation leaves open, bounded by what a set leaves."""
         variant = Variant(least.model.core, least.model.effects)
         here = self.evidence.mended(least.model.clocks)
-        # what a set leaves bounds what the simulation leaves open
-        borne_um = min(numerical_floor(variant, here.validation).borne_um, least.rmse_um)
-        floor_um = math.hypot(noise_um, borne_um)
-        offered, blocks = len(self.evidence.offer.effects), Blocks.of(least.lefts)
-        return Scores(tuple(sets), blocks, noise_um, floor_um, self.seed, offered)
+        numerical_um = [
+            min(numerical_floor(variant, [record]).borne_um, float(np.sqrt(np.mean(left**2))))
+            for record, left in zip((*here.train, *here.validation), least.lefts, strict=True)
+        ]
+        return replace(self.evidence, numerical_um=tuple(numerical_um))
 
     def judge(self, found: Sequence[Visited]) -> None:
         """Add visited sets, and accept those of them that are better."""
@@ -137,7 +146,7 @@ class Scores:
     sets: tuple[Visited, ...]
     blocks: Blocks
     noise_um: float  # Noise floor (µm rms)
-    floor_um: float  # With what the simulation of the records leaves open
+    floors_um: Array  # Of each record, with what its simulation leaves open
     seed: int
     offered: int = len(CATALOGUE)  # Effects that a move may bring
 
@@ -163,11 +172,11 @@ class Scores:
 
     def of(self, one: Visited) -> Array:
         """Score of each block of a set (nats)."""
-        return self.blocks.scores(one.lefts, self.floor_um)
+        return self.blocks.scores(one.lefts, self.floors_um)
 
     def is_at_floor(self, one: Visited) -> bool:
         """Whether all that is left could not pay for one effect more."""
-        ratio = self.blocks.mean_squares(one.lefts) / self.floor_um**2
+        ratio = self.blocks.ratios(one.lefts, self.floors_um)
         left = max(float(np.log(np.maximum(ratio, 1e-12)).mean()), 0.0) * ratio.size / TEMPERATURE
         return left < log_prior(0, self.offered) - log_prior(1, self.offered)
 
@@ -187,7 +196,7 @@ class Scores:
         """Return what the best phantom of a move gains (nats a block)."""
         if not one.ghosts:
             return 0.0
-        alone, *ghosts = (self.blocks.scores(each, self.floor_um).mean() for each in one.ghosts)
+        alone, *ghosts = (self.blocks.scores(each, self.floors_um).mean() for each in one.ghosts)
         return max(0.0, *(float(alone - each) for each in ghosts))
 
 
@@ -240,7 +249,7 @@ def searched(
             if grows and one.model.core.name not in signatures:
                 signatures[one.model.core.name] = offered(evidence, one)
         known = frozenset(beam.visited)
-        make = partial(expanded, evidence, known, frozenset(done), signatures, cases, pool)
+        make = partial(expanded, beam.evidence, known, frozenset(done), signatures, cases, pool)
         found = stage(f"round {number}", beam.visited, make)
         if base in front and not with_all:
             found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
@@ -254,7 +263,7 @@ def searched(
         )
         scores, best = _settled(beam, pool, stage)
     if not scores.is_at_floor(best):
-        blocks = partial(with_free_blocks, evidence, best, pool)
+        blocks = partial(with_free_blocks, beam.evidence, best, pool)
         beam.add(stage("free blocks", beam.visited, blocks))
         scores = beam.scored()
     report("rounds of the beam", ROUNDS, ROUNDS)

@@ -18,7 +18,7 @@ def test_white_noise_is_correlated_over_one_sample_and_an_autoregression_over_it
 def test_scores_are_logarithms_above_the_floor_and_zero_below():
     left = np.concatenate([np.full(100, 2.0), np.full(100, 0.1)])
     blocks = Blocks((2,))
-    assert blocks.scores([left], 1.0) == pytest.approx([np.log(4.0), 0.0])
+    assert blocks.scores([left], np.ones(1)) == pytest.approx([np.log(4.0), 0.0])
 
 
 def test_a_slow_residual_has_few_blocks_and_a_white_one_many():

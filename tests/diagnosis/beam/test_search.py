@@ -161,7 +161,7 @@ def test_a_name_that_takes_less_than_its_set_leaves_is_no_cause(left_um, grade):
         visited(Model(P10.hysteresis), 5.0),
         visited(Model(P10.hysteresis, (creep,)), left_um),
     )
-    scores = Scores((bare, best), Blocks((16,)), 1.0, 1.0, 0)
+    scores = Scores((bare, best), Blocks((16,)), 1.0, np.ones(1), 0)
     assert takes_less(scores, best, "creep") is grade
 
 
