@@ -45,13 +45,14 @@ def _asked(
     known: Collection[Key],
     done: Collection[Key],
     signatures: Mapping[str, Sequence[Signature]],
-    one: tuple[Visited, bool],
+    one: tuple[Visited, bool, bool],
 ) -> list[Asked]:
     """Return the moves of a set that promise most, and those that drop an effect.
 
-    What promises most beside a set that was expanded was looked at there.
+    Names are exchanged in the set that leads: the others that go on are its rivals already. What
+    promises most beside a set that was expanded was looked at there.
     """
-    of, grows = one
+    of, grows, leads = one
     place = Place(
         evidence.mended(of.model.clocks), of.model, signatures.get(of.model.core.name, ())
     )
@@ -62,7 +63,7 @@ def _asked(
     for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
         if grows:
-            others = [] if bare.model.key in done else bare.additions()
+            others = bare.additions() if leads and bare.model.key not in done else []
             found.append(Asked(of, bare, [*bare.forms(effect), *others], place))
         if bare.model.key not in known:
             found.append(Asked(of, bare, ((),), place))
@@ -142,19 +143,20 @@ def expanded(
     known: Collection[Key],
     done: Collection[Key],
     signatures: Mapping[str, Sequence[Signature]],
-    cases: Sequence[tuple[Visited, bool]],
+    cases: Sequence[tuple[Visited, bool, bool]],
     pool: Pool,
 ) -> list[Visited]:
     """Return the sets that moves make of those of a beam, those that the race leaves refitted whole.
 
-    With each set stands whether there is anything that more effects could take. Sets without an
-    effect that are `known` are not refitted again, and of those that are `done` no name is exchanged.
+    With each set stands whether there is anything that more effects could take, and whether it leads.
+    Sets without an effect that are `known` are not refitted again, and names are not exchanged where
+    the set without them is `done`.
     """
     asked = pool.map(partial(_asked, evidence, known, done, signatures), cases)
     found = _expanded(evidence, [each for own in asked for each in own], pool)
     rivals = [
         (m, one.key)
-        for one, g in cases
+        for one, g, _ in cases
         if g
         for m in exchanged(one.model, evidence.scale, evidence.offer)
     ]

@@ -244,8 +244,8 @@ def searched(
         front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
         if not front:
             break
-        cases = [(one, not scores.is_at_floor(one)) for one in front]
-        for one, grows in cases:
+        cases = [(one, not scores.is_at_floor(one), one is best) for one in front]
+        for one, grows, _ in cases:
             if grows and one.model.core.name not in signatures:
                 signatures[one.model.core.name] = offered(evidence, one)
         known = frozenset(beam.visited)
