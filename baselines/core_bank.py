@@ -17,6 +17,9 @@ constant             unit                       meaning, and reason
 ``GENERIC_SPREAD``                              they fill what no core has, so less than a core
 ``STATIC_SHARE``     ``adaptive-feedforward``'s  expected size of the corrections without dynamics: the cores
                                                 carry most of them
+``TUNED_TS_S``       s                          sampling time at which the settings were tuned; memory and
+                                                dynamics are as many samples at any other, since a loop is
+                                                sampled as fast as it moves
 ``TRIES``            1                          commands tried for a sample; a third lowers no error by 1 %
 ``LEAST_SLOPE``,     believed largest gain      bounds of a chord's slope: within a factor of three of any
 ``LARGEST_SLOPE``                               mixture that has an inverse; wider ones let a mixture without
@@ -28,6 +31,7 @@ Figures are of the first eight validation plants of Preisach, BoucWen, Duhem, St
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -58,6 +62,7 @@ THRESHOLDS = (0.03, 0.06, 0.1, 0.15, 0.26, 0.4)
 POWERS = (1, 2, 3)
 CORE_SPREAD, INNER_SPREAD, GENERIC_SPREAD = 0.5, 0.2, 0.1
 STATIC_SHARE = 0.3
+TUNED_TS_S = 1e-4
 TRIES = 2
 LEAST_SLOPE, LARGEST_SLOPE = 0.5, 1.5
 HYSTERETIC = slice(5, 5 + len(PLAYS) + len(PRODUCTS) + len(POWERS_OF_R))
@@ -308,7 +313,10 @@ class BankFeedforward(CorrectedAdaptive):
     ) -> None:
         super().__init__(belief, layout, settings)
         self.known = len(self.fit.spread)
-        dynamics = self.settings["dynamics_s"] / layout.ts_s
+        dynamics = self.settings["dynamics_s"] / TUNED_TS_S
+        # the sensor's noise as the believed inverse of the dynamics passes it on
+        passed = float(np.linalg.norm([1.0, *self.fit.prior[:3]] @ SPLINE))
+        doubt_um = self.settings["doubt"] * layout.scale_um
         static = (STATIC_SHARE * self.fit.spread[3:]).tolist()
         simple = [i for i in range(self.known) if not HYSTERETIC.start <= i < HYSTERETIC.stop]
         others = [i for i in range(self.known + self.bank.count) if i not in simple]
@@ -316,9 +324,9 @@ class BankFeedforward(CorrectedAdaptive):
             [*self.fit.prior, *[0.0] * self.bank.count],
             [dynamics, dynamics**2, dynamics**3, *static, *self.bank.spreads()],
             [len(simple), self.known, self.known + self.bank.count],
-            noise=self.settings["doubt"] * layout.scale_um,
+            noise=math.hypot(doubt_um, passed * belief.sensor.noise_um),
             memory_s=self.settings["memory_s"],
-            ts_s=layout.ts_s,
+            ts_s=TUNED_TS_S,
             order=[*simple, *others],
         )
         self.rows = Rows(**{**self.rows.counts, "wanted": 0, "last_V": 0, "fit": self.fit.rows})

@@ -67,7 +67,7 @@ class DampedTracking(LinearFeedback):
         ts_s, extremes = self.layout.ts_s, self.path.extremes
         inner = self._inner()
         damped = [(unit_delay() * inner * each).closed() for each in extremes]
-        shape = integral_shape(self.settings, ts_s)
+        shape = self.tracking()
         unit = 1.0 / ts_s
         outer = [
             unit * (unit_delay() * shape * each).response(self.z) * left.response(self.z)
@@ -76,6 +76,10 @@ class DampedTracking(LinearFeedback):
         factor = self.settings["gain_share"] * largest_factor(outer) * unit
         # where damping takes all that is allowed, what would track is no state of the loop either
         return inner + shape.times(factor) if factor else inner
+
+    def tracking(self) -> LinearSystem:
+        """Return the outer loop but for its gain."""
+        return integral_shape(self.settings, self.layout.ts_s)
 
     def _inner(self) -> LinearSystem:
         mode, ts_s = self.path.mode, self.layout.ts_s
@@ -205,6 +209,12 @@ class AdaptiveDualLoop(DualLoop):
     def adaptive(self, belief: PlantModel, layout: ObservationLayout) -> CorrectedAdaptive:
         """Return the feedforward; its settings are its own."""
         return CorrectedAdaptive(belief, layout)
+
+    def tracking(self) -> LinearSystem:
+        """Return the outer loop but for its gain; its zero is no faster than the believed lag, which it cancels."""
+        proportional_s = max(self.settings["proportional_s"], self.path.delay_s)
+        shaped = {**self.settings, "proportional_s": proportional_s}
+        return integral_shape(shaped, self.layout.ts_s)
 
     def certificate(self) -> str | None:
         """Return what is certain of the feedback on its belief, which the adaptation is no part of."""

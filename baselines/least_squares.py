@@ -194,10 +194,10 @@ def _project(
                 theta[i, lane] = max(theta[i, lane] + slope / left[i, i], least[i])
 
 
-JUDGED_S = 0.1
-"""Time constant (s) over which a model's squared errors of prediction are averaged."""
 LEAST_ERROR = 0.02
 """Error of prediction, over the noise, below which models are not told apart."""
+CORRELATED = 7
+"""Samples of which one tells something new: errors of prediction follow one another."""
 
 
 class NestedLeastSquares(ForgettingLeastSquares):
@@ -210,8 +210,9 @@ class NestedLeastSquares(ForgettingLeastSquares):
 
     Model m has the first of the coefficients in `order`, `sizes[m]` of them; its others are zero.
     Rotations pass its error of predicting the sample on the way. Its weight is one over the fourth
-    power of the mean square of these. Where a small model is enough, what a large one makes of noise
-    has no weight.
+    power of Akaike's final prediction error: exp(2 p / n) times the mean square of these over the
+    memory, with p coefficients and n independent samples in memory. Where a small model is enough, what a large one
+    makes of noise has no weight.
 
     Examples
     --------
@@ -224,7 +225,8 @@ class NestedLeastSquares(ForgettingLeastSquares):
 
     Notes
     -----
-    Gentleman, J. Inst. Maths Applics 12, 1973; Miller, Applied Statistics AS 274, 1992.
+    Gentleman, J. Inst. Maths Applics 12, 1973; Miller, Applied Statistics AS 274, 1992; Akaike, Ann.
+    Inst. Statist. Math. 21, 1969.
     """
 
     def __init__(
@@ -244,7 +246,9 @@ class NestedLeastSquares(ForgettingLeastSquares):
         self.sizes = tuple(sizes)
         self._prior = self.prior[self._order][:, None]
         self._precision = self.precision[self._order][:, None]
-        self._share, self._least_um2 = -math.expm1(-ts_s / JUDGED_S), (LEAST_ERROR * noise) ** 2
+        independent = memory_s / (ts_s * CORRELATED)
+        self._plain = np.exp([[-2.0 * count / independent] for count in sizes])
+        self._share, self._least_um2 = 1.0 - self.kept, (LEAST_ERROR * noise) ** 2
         self._of = Rows(count=2, factor=size * (size + 3) // 2, errors=len(sizes), theta=size)
         self.rows = self._of.total
 
@@ -275,7 +279,7 @@ class NestedLeastSquares(ForgettingLeastSquares):
         due = _due(count[1], counts)
         if not due.any():
             return
-        weights = 1.0 / (errors + self._least_um2)
+        weights = self._plain / (errors + self._least_um2)
         weights *= weights
         weights *= weights
         weights /= weights.sum(axis=0)

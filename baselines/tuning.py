@@ -165,7 +165,7 @@ class Tunable(Baseline):
         As :class:`baselines.base.Baseline`.
     settings
         Values of knobs; those left out have their default. None: the committed ones of the task
-        whose belief has the same effects, else of the first task; without a file the defaults.
+        whose belief differs in the fewest effects, the first of such; without a file the defaults.
 
     Raises
     ------
@@ -209,13 +209,11 @@ class Tunable(Baseline):
 
 
 def committed_tuning(kind: type[Tunable], belief: PlantModel) -> Tuning | None:
-    """Return what is committed of a controller for beliefs with these effects."""
-    tunings = _committed(kind)
-    if not tunings:
-        return None
-    effects = tuple(sorted(effect.name for effect in belief.effects))
-    same = (tuning for tuning in tunings.values() if tuning.effects == effects)
-    return next(same, next(iter(tunings.values())))
+    """Return what is committed of a controller for the task whose belief differs in the fewest effects."""
+    effects = {effect.name for effect in belief.effects}
+    return min(
+        _committed(kind).values(), key=lambda each: len(effects ^ set(each.effects)), default=None
+    )
 
 
 @cache

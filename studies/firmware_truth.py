@@ -103,8 +103,8 @@ def measure(chosen: Sequence[Case], records: int, seed: int, say: bool = False) 
 
 
 def as_scored(program: Program, case: Case) -> Program:
-    """Return an exported program beside the controller that a benchmark makes and scores."""
-    believed, own = make_stage(case.model).belief, program.twin
+    """Return an exported program beside the controller that a benchmark makes and scores of the same sensor."""
+    believed, own = replace(make_stage(case.model).belief, sensor=case.model.sensor), program.twin
     assert isinstance(own, ControllerTwin)
     layout = type(own.made.layout).for_plant(believed, program.ts_s, preview=program.preview)
     made = make_controller(case.controller or "", believed, layout)

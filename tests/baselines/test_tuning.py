@@ -34,12 +34,12 @@ def turned(tmp_path, monkeypatch):
         knobs = KNOBS
 
     monkeypatch.setattr(tuning, "TUNED", tmp_path)
-    tasks = {"Bare": found(0.9), "Resonance": found(1.2, ("resonance",))}
+    tasks = {"Resonance": found(1.2, ("resonance",)), "Bare": found(0.9)}
     write_tunings(tmp_path / "turned.json", "turned", tasks)
     return Turned
 
 
-def test_the_settings_of_the_task_with_the_same_effects_are_taken_else_of_the_first(turned):
+def test_the_settings_of_the_task_that_differs_in_the_fewest_effects_are_taken(turned):
     assert turned(P5, LAYOUT).settings == {"share": 0.9, "cutoff_hz": 10.0}
     assert turned(RINGING, LAYOUT).settings["share"] == 1.2
     creeping = replace(P5, effects=(load_effect("creep")(),))
