@@ -22,9 +22,8 @@ from rdpi_gym.diagnosis.beam.constants import (
     RACE_SAMPLES,
     RACE_STEPS,
     REFITTED,
-    TEMPERATURE,
 )
-from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, clock_column, of_experiment
 from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, gone_on, whole_step
@@ -82,20 +81,10 @@ class Place:
         )  # fmt: skip
 
     def _steps(self, effects: Sequence[Effect], steps: int) -> FirstSteps:
-        """Take some steps, or as many as may lead to less than the set itself leaves, a name paid for."""
-        worth = self._worth if len(effects) > len(self.model.effects) else 1.0
         return first_steps(
             self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES,
-            near=self.begun, least_um=worth * self.begun.train_rmse_um,
+            near=self.begun,
         )  # fmt: skip
-
-    @cached_property
-    def _worth(self) -> float:
-        """Share of its error that a set may leave with a name more, for its prior to be made up for."""
-        offered = len(self.evidence.offer.effects)
-        price = log_prior(0, offered) - log_prior(1, offered)
-        blocks = sum(Blocks.of(self.begun.left_um).counts)
-        return math.exp(-0.5 * price * TEMPERATURE / blocks)
 
     @cached_property
     def foresight(self) -> Foresight:

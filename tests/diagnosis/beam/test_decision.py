@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from rdpi_gym.diagnosis.beam.constants import TEMPERATURE
 from rdpi_gym.diagnosis.beam.decision import (
     chances,
     classes,
@@ -47,9 +48,10 @@ def test_priors_of_all_sets_sum_to_one():
 def test_weights_follow_the_scores_and_are_flat_where_these_are_alike():
     draws = draw_blocks(40)
     alike = drawn_weights(np.ones((2, 40)), [0.0, 0.0], draws).mean(axis=0)
-    apart = drawn_weights(np.array([np.ones(40), np.zeros(40)]), [0.0, 0.0], draws).mean(axis=0)
+    worse = np.full(40, 10.0 * TEMPERATURE / 40)
+    apart = drawn_weights(np.array([worse, np.zeros(40)]), [0.0, 0.0], draws).mean(axis=0)
     assert alike == pytest.approx([0.5, 0.5])
-    assert apart[1] > 0.999
+    assert apart[0] == pytest.approx(math.exp(-10.0), rel=1e-3)
 
 
 def test_names_that_take_each_other_weight_are_one_class():
