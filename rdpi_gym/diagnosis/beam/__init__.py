@@ -9,7 +9,7 @@
    experiment and not of the plant, as offsets and all that goes by the clock do, go on into the records
    to judge by: each stretch is predicted from the others. The opening of a record of which nobody
    recorded the past does not count where it spoils the fit of the rest by more than its phantom, as
-   many samples at the end, and where no initial memory does as well (``openings``).
+   many samples at the end, and no initial memory takes most of that (``openings``).
 3. A move is better where its paired gain over the blocks exceeds, in the bootstrap and after as many
    moves as were tried, what its phantoms gain: the same effect or clock fault driven by the command in
    reverse or of another record, less what its own columns explain (``decision``, ``models``).
