@@ -19,11 +19,13 @@ from baselines.learned.imitation import fitting, rounds
 from baselines.learned.imitation.fitting import Learner, Loop
 from baselines.learned.imitation.policy import (
     ERRORS,
+    SCALE_SPREAD,
     UNIT_UM,
     WEIGHTED,
     Student,
     StudentPolicy,
     fresh_arrays,
+    is_like,
 )
 from baselines.learned.imitation.rounds import Options, train
 from baselines.learned.imitation.teacher import roll_out, student_lanes
@@ -285,8 +287,10 @@ def test_tasks_that_cannot_be_taught_are_refused():
 
 
 def test_the_shipped_student_leaves_less_than_what_it_corrects():
+    """At the farthest stroke, too, of which it does not warn."""
     policy = find_learned("imitation-stage")
-    task = replace(STAGE, samples=1500)
+    task = replace(STAGE, samples=1500, amplitude_share=1.0 - SCALE_SPREAD)
+    assert is_like(task.layout(), policy.layout)
     found = []
     for each in (policy, replace(policy, student=Student.blank(42, 64, WEIGHTED))):
         found.append(

@@ -16,6 +16,7 @@ from numba.core.registry import CPUDispatcher
 
 from baselines.extended import ExtendedInverse
 from baselines.inverses.base import inverse_of
+from baselines.learned.imitation.policy import StudentPolicy
 from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
 from benchmarks.tracking.controllers import shipped_policies
@@ -86,6 +87,22 @@ def test_a_bank_of_cores_is_off_by_roundings_that_do_not_grow(tmp_path: Path) ->
     """Its cores are summed in another order in C: the least squares keep what digits they have."""
     program = as_scored(controller_program(BANK, P10, TS_S), Case("", BANK, P10, BANK))
     assert off_by(program, tmp_path, lanes=MANY) <= 1e-9
+
+
+@needs_gcc
+def test_a_student_of_the_bank_of_cores_has_its_c(tmp_path: Path) -> None:
+    policy = StudentPolicy.untrained(
+        P10, ObservationLayout.for_plant(P10, TS_S, preview=8), 4, BANK
+    )
+    commands = []
+    for size in (0.0, 0.05):
+        head = size * np.random.default_rng(0).normal(size=policy.student.arrays["head_bias"].shape)
+        arrays = dict(policy.student.arrays) | {"head_bias": head.astype(np.float32)}
+        student = replace(policy, student=replace(policy.student, arrays=arrays))
+        program = controller_program(f"learned:{student.save(tmp_path / str(size))}", P10, TS_S)
+        commands.append(program.twin(*records(program)))
+    assert np.max(np.abs(np.diff(commands, axis=0))) > 0.01 * np.ptp(program.command_range_V)
+    assert off_by(program, tmp_path) <= 1e-5
 
 
 def test_beliefs_with_effects_are_used() -> None:
