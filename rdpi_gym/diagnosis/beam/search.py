@@ -230,19 +230,16 @@ def searched(
         beam.judge(stage("kinds", beam.visited, partial(kinds, [base], loose=True)))
     done: set[Key] = set()
     signatures = dict[str, Sequence[Signature]]()
-    looked_at: set[Key] = set()  # Sets by which the openings were judged, the best of each round
     for number in range(ROUNDS):
         report("rounds of the beam", number, ROUNDS)
         scores = beam.scored()
         best = best_of(beam, scores)
-        if number > 0 and best.key not in looked_at and not scores.is_at_floor(best):
-            looked_at.add(best.key)
-            spared = without_unknown_past(evidence, best)
-            if spared is not None:
-                return searched(spared, jobs, seed, progress, on_visited)
         front = [one for one in _front(beam, scores) if one.key not in done]
         front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
-        if not front:
+        if not front:  # where no name pays any more, and none is an initial memory
+            spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
+            if spared is not None:
+                return searched(spared, jobs, seed, progress, on_visited)
             break
         cases = [(one, not scores.is_at_floor(one), one is best) for one in front]
         for one, grows, _ in cases:
