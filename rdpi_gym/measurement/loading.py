@@ -26,6 +26,9 @@ from rdpi_gym.support.words import quoted, some
 _ABOUT = ("readme", "license", "licence", "copying", "changelog", "notes")
 
 
+_SLOW_S, _MANY = 0.05, 1000  # sampling time (s) and samples from which on times may be in ms
+
+
 def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = None) -> Dataset:
     r"""Read a measurement: one file, or a folder in which every data file is a record.
 
@@ -69,6 +72,8 @@ def load(path: Path | str | Sequence[Path | str], options: DataOptions | None = 
     parts = [_part(each, options, remarks) for each in paths]
     quantities, assumed = _quantities(parts, options)
     records = [record for part in parts for record in part.records(options, quantities)]
+    if any(part.has_doubtful_times(options, records) for part in parts):
+        assumed = ("t", *assumed)
     names = [record.name for record in records]
     if doubled := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two of the files are record {doubled[0]!r}; rename one")
@@ -122,6 +127,17 @@ class _Part:
     def _stated_units(self, table: Table, options: DataOptions) -> dict[str, str]:
         own = self.settings.of(table.stem)
         return {**self.settings.units, **own.units, **options.units}
+
+    def has_doubtful_times(self, options: DataOptions, records: Sequence[Record]) -> bool:
+        """True if times without a unit, read as seconds, make a long record of slow samples."""
+        slow = {r.name for r in records if r.ts_s >= _SLOW_S and r.t_s.size >= _MANY}
+        return any(
+            (table.name or table.stem) in slow
+            and "t" in table.columns
+            and "t" not in self.units(table, options)
+            and _sampling_time(table.stem, self.settings, options) is None
+            for table in self.tables
+        )
 
     def records(self, options: DataOptions, quantities: Quantities) -> list[Record]:
         """Make records of the tables."""

@@ -290,7 +290,8 @@ class Dataset:
         Name, symbol and unit of input and output, as they are printed: the numbers of `u_V` and
         `y_um` are in these units.
     assumed
-        Columns, of ``u`` and ``y``, whose unit neither header nor settings state: V and µm then.
+        Columns whose unit neither header nor settings state: V and µm for ``u`` and ``y``; ``t``, in
+        s, where that makes a record of a thousand samples at 20 Hz or slower.
 
     Examples
     --------
@@ -324,7 +325,8 @@ class Dataset:
         """
         if not self.assumed:
             return ""
-        taken = ", ".join(self.quantities.by_column[column] for column in self.assumed)
+        units = {"t": "s", **self.quantities.by_column}
+        taken = ", ".join(units[column] for column in self.assumed)
         option = ",".join(f"{column}=UNIT" for column in self.assumed)
         return f"no unit is given for {', '.join(self.assumed)}: taken as {taken}; --units {option} gives others"
 

@@ -52,6 +52,19 @@ def test_units_that_nothing_states_are_asked_for(
 
 
 @over(
+    "header, step, samples, asked",
+    [("t,u_V,y_um", 1.0, 1000, "no unit is given for t: taken as s; --units t=UNIT gives others"),
+     ("t,u_V,y_um", 1.0, 999, ""), ("t,u_V,y_um", 0.049, 1000, ""), ("t_ms,u_V,y_um", 60.0, 1000, "")],
+)  # fmt: skip
+def test_times_without_a_unit_are_doubted_where_many_samples_are_slow(
+    write, header, step, samples, asked
+) -> None:
+    rows = [f"{k * step:.6g},{k % 7},{k % 5}" for k in range(samples)]
+    data = load(write("run.csv", "\n".join([header, *rows, ""])))
+    assert data.units_assumed == asked
+
+
+@over(
     "column, unit, factor",
     [
         ("t", "s", 1.0),
