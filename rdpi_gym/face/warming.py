@@ -128,7 +128,8 @@ def _is_warm() -> bool:
     """True if the last `warm` compiled the present sources, and all its kernels are still there."""
     try:
         stamp = json.loads(_stamp().read_text(encoding="utf-8"))
-        return stamp["sources"] == _sources() and all(Path(f).is_file() for f in stamp["kernels"])
+        kept = all(Path(f).is_file() for f in stamp["kernels"])
+        return kept and bool(stamp["sources"] == _sources())
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
