@@ -166,9 +166,16 @@ def _version(tool: str) -> str:
 
 
 def _measure_all(chosen: Namespace) -> Files:
-    table, without = measure(names_of("program", chosen.only or (), cases()), chosen.samples)
+    names = names_of("program", chosen.only or (), cases())
+    table, without = measure(names, chosen.samples)
     if table.empty:
         raise InputError("; ".join(f"{name}: {why}" for name, why in without.items()))
+    known = chosen.out / "firmware_cost.csv"
+    if chosen.only and known.exists():
+        kept = pd.read_csv(known).query("program not in @names")
+        order = {name: place for place, name in enumerate(cases())}
+        table = pd.concat([kept, table], ignore_index=True)
+        table = table.sort_values("program", key=lambda own: own.map(order), kind="stable")
     text = as_markdown(table, without, chosen.samples)
     return {"firmware_cost.csv": table, "firmware_cost.md": text}
 
@@ -176,7 +183,10 @@ def _measure_all(chosen: Namespace) -> Files:
 def _more(options: Options) -> None:
     options.add_number("--samples", SAMPLES, "of the vectors", least=_LONGER)
     options.add_argument(
-        "--only", nargs="+", metavar="PROGRAM", help="rows of the table; all by default"
+        "--only",
+        nargs="+",
+        metavar="PROGRAM",
+        help="programs whose rows are measured again; all by default",
     )
 
 

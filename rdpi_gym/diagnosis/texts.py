@@ -618,6 +618,8 @@ RECORDS: Mapping[str, str] = {
     "clock/slight scale": "{record} seems to be written with {factor:~3}" + _WRITTEN,
     "clock/record lags": "{record} lags" + _SHIFTED,
     "clock/record leads": "{record} leads" + _SHIFTED,
+    "clock/skew": "The {output} of {of} falls behind its command by {late_ms:~2} ms more in each second: "
+    "two clocks, and errors are of the records with that set right.",
 }
 """Faults of records."""
 

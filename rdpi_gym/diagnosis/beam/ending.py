@@ -311,7 +311,7 @@ def _finding(clock: Clock, evidence: Evidence) -> Finding:
     else:
         of = clock.record or "all records"
         text, advice = (
-            statement("clock/skew", record=of, late_ms=1e3 * value),
+            statement("clock/skew", of=of, late_ms=1e3 * value),
             Notice(Code.ONE_CLOCK),
         )
     samples_of = int(np.sum([r.t_s.size for r in records.values() if clock.record in ("", r.name)]))

@@ -187,17 +187,19 @@ def show_first(
     lanes, rows, encoder = info.shape[1], window_um.shape[1], sources.encoder
     size, fields = len(observation) // lanes, len(sources.now)
     own = int(encoder[:, COLUMN].max()) + 1
+    # not literals: each would compile what is called once more
+    lane, rising = np.int64(0), np.bool_(True)
     if len(sources.stages):
-        add_offsets(0, row, numbers, work)
+        add_offsets(lane, row, numbers, work)
     measured = row
     if law.sensed:
-        read_sensors(0, row, 0, numbers, sources.noise, work)
+        read_sensors(lane, row, lane, numbers, sources.noise, work)
         measured = MEASURED
     begin = int(encoder[0, COLUMN]) - rows + 1
     for j in range(rows):
         ring = (step + j) % rows
         sample_references(
-            0, step + j, True, law.ts_s, numbers, sources.rises, j, sources.ahead_um,
+            lane, step + j, rising, law.ts_s, numbers, sources.rises, j, sources.ahead_um,
             window_um[0, ring],
         )  # fmt: skip
         for b in range(lanes):
@@ -219,7 +221,7 @@ def show_first(
                 )
         for i in range(own, size):
             observation[b * size + i] = observation[b * size + sources.now[(i - own) % fields]]
-    report(0, row, step % rows, work, numbers, window_um, info)
+    report(lane, row, step % rows, work, numbers, window_um, info)
     for b in range(lanes):
         numbers[0, ERROR, b] = numbers[0, ERROR + 1, b] = info[2, b]
         for i in range(5, len(info)):

@@ -385,7 +385,7 @@ def show_block(n: int, step: int, row: int, work: Array, record: Record) -> None
             sample = table_row(n, law.share, step, samples)
             if sample == 0:
                 draw_noise(
-                    n, 0, 0, width, sources.noise_rngs, sources.noise_state, sources.noise_law,
+                    n, np.int64(0), np.int64(0), width, sources.noise_rngs, sources.noise_state, sources.noise_law,
                     sources.noise,
                 )  # fmt: skip
         read_sensors(n, row, sample, numbers, sources.noise, work)

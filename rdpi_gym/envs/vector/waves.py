@@ -335,7 +335,7 @@ def begin_waves(
         row = table_row(n, share, step + shown, AHEAD)
         left = AHEAD - row if row else 0
         own = tables_um[lane if wave[SHAPE] == SAMPLED else 0]
-        fill_wave(wave, own, 0, ts_s, rises, turns, samples[: shown + left])
+        fill_wave(wave, own, np.int64(0), ts_s, rises, turns, samples[: shown + left])
         for k in range(shown):
             first_um[0, k, j] = samples[k]
         for k in range(left):
