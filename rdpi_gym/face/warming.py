@@ -138,7 +138,8 @@ def _kernels() -> Iterator[str]:
     """Files of compiled kernels in the folders that this process reads."""
     from numba.core.registry import CPUDispatcher
 
-    kernels = [each for each in gc.get_objects() if isinstance(each, CPUDispatcher)]
+    # by type: to ask an object for its class runs code of whatever package made it
+    kernels = [each for each in gc.get_objects() if issubclass(type(each), CPUDispatcher)]
     for folder in {each.stats.cache_path for each in kernels} - {None}:
         yield from (str(file) for file in sorted(Path(folder).glob("*.nb[ic]")))
 
