@@ -55,11 +55,13 @@ OVER_REGISTRIES = [
 ]  # fmt: skip
 """Files whose tests go through a registry entry by entry, or through all that is public."""
 NAME_THEIR_CASES = " or ".join((
-    "branches_loops_and_places", "fields_in_another_order", "gradients_through_time", "kernels_mean_in_c",
+    "branches_loops_and_places", "every_observation_of_random", "fields_in_another_order",
+    "gradients_through_time", "kernels_mean_in_c",
     "learned_policies_are", "low_pass_limit", "polynomials_are_the_loops", "resets_are_those", "single_precision",
     "slew_limit_is_exact", "walk_of_the_command",
 ))  # fmt: skip
-"""Tests of those files whose cases stand in them, which take a second or more: no added file is among them."""
+"""Tests of those files whose cases stand in them or are drawn, which take a second or more: few or none are of
+an added file."""
 CONTROLLER = '''"""``tenth-rate-inverse``: the classical inverse that believes a tenth of the rate dependence."""
 
 from dataclasses import replace
