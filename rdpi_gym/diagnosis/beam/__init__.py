@@ -16,8 +16,8 @@
 4. The best few sets go on in parallel, each by every move: those that have a weight, and those that are
    behind the best one by no more than it leaves. Which start of a form promises most beside a set is
    linear algebra on columns that were simulated once (``signatures``). What promises most is followed
-   for a few steps, and of these looks the best are refitted, where what they gain makes up for their
-   prior: no other can weigh more (``moves``, ``expansion``). In the set that leads, each name is exchanged against the others, too.
+   for a few steps, and of these looks the best are refitted (``moves``, ``expansion``). In the set that
+   leads, each name is exchanged against the others, too.
 5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the
    sets that have it, and names of the best set are dropped until no set with one less weighs more. A
    name is *found* from 90 % on and *likely* from 50; a name that a free block in its place beats by the

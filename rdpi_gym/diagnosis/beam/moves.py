@@ -22,9 +22,8 @@ from rdpi_gym.diagnosis.beam.constants import (
     RACE_SAMPLES,
     RACE_STEPS,
     REFITTED,
-    TEMPERATURE,
 )
-from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, log_prior
+from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, clock_column, of_experiment
 from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, gone_on, whole_step
@@ -39,7 +38,6 @@ from rdpi_gym.identification.joint import (
     tangents,
     tangents_near,
 )
-from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
@@ -50,19 +48,6 @@ FREE_BLOCKS: tuple[type[Effect], ...] = tuple(
     form for form in forms_of(Unknown) if not issubclass(form, WithTwoMemories)
 )
 """Free blocks: a curve, terms of the rate and a memory, at each place of the chain."""
-
-
-def prior_of(model: Model, offered: int) -> float:
-    """Logarithm of the prior of a set: of its effects, their forms, and its kind of core."""
-    found = log_prior(len(model.names), offered)
-    for effect in model.effects:
-        if isinstance(effect, Unknown) or effect.name == Unknown.name:
-            found -= math.log(len(FREE_BLOCKS))
-        elif effect.form:
-            found -= math.log(len(forms_of(type(effect))))
-    if model.core.name != RDPI.name:
-        found -= math.log(len(CORES))
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +323,7 @@ def kinds(evidence: Evidence, model: Model, least_um: float, loose: bool) -> lis
 
 
 def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:
-    """Return the looks of the largest weight, one for each name, of those that have more than the set.
+    """Return the looks that gain most, one for each name.
 
     Of a name's forms it is the first, in their order, that is not worse than its best one by the one
     decision.
@@ -346,9 +331,7 @@ def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> l
     if not looks:
         return []
     here, scores = _scores(base, looks, evidence)
-    offered = len(evidence.offer.effects)
-    priors = np.array([prior_of(each.model, offered) for each in (base, *looks)])
-    gains = (here - scores).sum(axis=1) / TEMPERATURE + priors[1:] - priors[0]
+    gains = (here - scores).mean(axis=1)
     draws, chosen, named = draw_blocks(scores.shape[1]), list[int](), set[tuple[str, ...]]()
     for k in map(int, np.argsort(-gains)):
         if gains[k] > 0.0 and looks[k].new not in named and len(chosen) < most:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -26,7 +27,7 @@ from rdpi_gym.diagnosis.beam.expansion import (
     with_free_blocks,
 )
 from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
-from rdpi_gym.diagnosis.beam.moves import prior_of
+from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.signatures import Signature
@@ -35,7 +36,8 @@ from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import Pool
@@ -196,6 +198,19 @@ class Scores:
             return 0.0
         alone, *ghosts = (self.blocks.scores(each, self.floors_um).mean() for each in one.ghosts)
         return max(0.0, *(float(alone - each) for each in ghosts))
+
+
+def prior_of(model: Model, offered: int) -> float:
+    """Logarithm of the prior of a set: of its effects, their forms, and its kind of core."""
+    found = log_prior(len(model.names), offered)
+    for effect in model.effects:
+        if isinstance(effect, Unknown) or effect.name == Unknown.name:
+            found -= math.log(len(FREE_BLOCKS))
+        elif effect.form:
+            found -= math.log(len(forms_of(type(effect))))
+    if model.core.name != RDPI.name:
+        found -= math.log(len(CORES))
+    return found
 
 
 def searched(
