@@ -6,6 +6,7 @@ import ast
 import hashlib
 from collections.abc import Iterable, Iterator
 from functools import cache
+from inspect import getsourcefile
 from pathlib import Path
 
 
@@ -21,6 +22,23 @@ def room_files(*rooms: str) -> list[Path]:
     """Return the Python files of rooms of this package, for example ``plant``."""
     package = Path(__file__).parents[1]
     return [file for room in rooms for file in (package / room).glob("**/*.py")]
+
+
+@cache
+def code_of(*rooms: str) -> bytes:
+    """Return a hash of the files of rooms of this package."""
+    files = sorted(room_files(*rooms))
+    return fingerprint(file.read_bytes() for file in files).encode()
+
+
+@cache
+def source_of(kind: type) -> bytes:
+    """Return the file that a class stands in, a user's own too; empty where there is none."""
+    try:
+        path = getsourcefile(kind)
+        return b"" if path is None else Path(path).read_bytes()
+    except (OSError, TypeError):
+        return b""
 
 
 def code_parts(files: Iterable[Path]) -> list[bytes]:

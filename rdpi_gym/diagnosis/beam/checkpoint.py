@@ -6,8 +6,6 @@ import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import cache
-from inspect import getsourcefile
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +22,7 @@ from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.plant.model import core_from_dict, core_to_dict
 from rdpi_gym.support.documents import PLAIN, at
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fingerprint import fingerprint, room_files
+from rdpi_gym.support.fingerprint import code_of, fingerprint, source_of
 from rdpi_gym.support.store import named_rows
 
 FORMAT = "rdpi-candidates"
@@ -93,7 +91,7 @@ class Checkpoint:
 
     def _depends_on(self, seed: int) -> str:
         evidence, offer = self._evidence, self._evidence.offer
-        parts = [_code()]
+        parts = [code_of("plant", "identification", "diagnosis/beam")]
         for record in (*evidence.train, *evidence.validation):
             parts.append(record.name.encode(errors="backslashreplace"))
             columns = (record.t_s, record.u_V, record.y_um, record.error_mask, record.before_V)
@@ -102,7 +100,7 @@ class Checkpoint:
         cores = [kind.name for kind in offer.cores]
         asked = [seed, core, offer.begins_with_all, cores, [e.to_dict() for e in offer.kept]]
         parts.append(json.dumps([asked, list(offer.effects)]).encode())
-        parts += [_source(kind) for kind in (*offer.effects.values(), *map(type, offer.kept))]
+        parts += [source_of(kind) for kind in (*offer.effects.values(), *map(type, offer.kept))]
         return fingerprint(parts)
 
     def _read(self, row: Mapping[str, Any], sets: Sets) -> list[Visited]:
@@ -164,20 +162,3 @@ def _row(one: Visited) -> dict[str, Any]:
             base64.b64encode(left.astype(np.float64).tobytes()).decode() for left in one.lefts
         ],
     }
-
-
-@cache
-def _code() -> bytes:
-    """Return a hash of what a refit runs, but the effects."""
-    rooms = ("plant", "identification", "diagnosis/beam")
-    return fingerprint(path.read_bytes() for path in sorted(room_files(*rooms))).encode()
-
-
-@cache
-def _source(kind: type[Effect]) -> bytes:
-    """Return the file that an effect of the user's own stands in; its equation may change."""
-    try:
-        path = getsourcefile(kind)
-        return b"" if path is None else Path(path).read_bytes()
-    except (OSError, TypeError):
-        return b""

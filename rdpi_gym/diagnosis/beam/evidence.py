@@ -66,7 +66,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Offer:
-    """What moves may bring, and what they leave alone."""
+    """Effects and kinds of core that moves may bring, and effects that they keep."""
 
     effects: Mapping[str, type[Effect]] = field(default_factory=lambda: CATALOGUE)
     # Kinds of core; the search begins with the one that is asked for, or with all where that is wanted

@@ -11,6 +11,7 @@ from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Evidence
 from rdpi_gym.diagnosis.beam.models import Visited, refitted, residuals
 from rdpi_gym.diagnosis.beam.moves import Place, raced
+from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import kept_samples
 from rdpi_gym.identification.least_squares import BoolArray
@@ -93,8 +94,7 @@ def _scores(evidence: Evidence, of: Visited, names: Collection[str], floor_um: f
 
 def _mean_squares(left: Array, blocks: int) -> Array:
     """Mean square of blocks of a residual (µm²)."""
-    edges = np.linspace(0, left.size, min(blocks, left.size) + 1).astype(np.intp)
-    return np.asarray(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
+    return Blocks((min(blocks, left.size),)).mean_squares([left])
 
 
 def _stands_out(opened: Array, rest: Array) -> float:

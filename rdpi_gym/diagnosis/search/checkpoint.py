@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
-from inspect import getsourcefile
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.model import core_from_dict, core_to_dict
 from rdpi_gym.support.documents import PLAIN, at
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.fingerprint import fingerprint, room_files
+from rdpi_gym.support.fingerprint import code_of, fingerprint, source_of
 from rdpi_gym.support.store import named_rows
 
 FORMAT = "rdpi-candidates"
@@ -51,7 +49,7 @@ class Checkpoint:
             raise InputError(f"{path.parent} is a file; give a folder for the results")
         self._store = None if path is None else named_rows(path, FORMAT)
         self.remark = None if self._store is None else self._store.remark()
-        parts = [_code()]
+        parts = [code_of("plant", "identification", "diagnosis/search")]
         for record in records:
             parts.append(record.name.encode(errors="backslashreplace"))
             columns = (record.t_s, record.u_V, record.y_um, record.error_mask)
@@ -113,7 +111,7 @@ class Checkpoint:
         start = [core_to_dict(hysteresis), smoothness]
         effects = [effect.to_dict() for effect in (*present, *(starts or ()))]
         numbers = json.dumps(_rounded([*start, *effects]))
-        sources = [_source(each) for each in (*map(type, present), kind)]
+        sources = [source_of(each) for each in (*map(type, present), kind)]
         names = "+".join(effect.name for effect in present)
         own = f"{kind.name} {kind.form}".strip()
         return f"{self._data} {fingerprint([numbers.encode(), *sources])} {names} {own}"
@@ -141,20 +139,3 @@ def _fit_of(row: Mapping[str, Any], kinds: Mapping[str, type[Effect]]) -> JointF
         raise InputError(f"{source}: its error is no number")
     variant = Variant(core_from_dict(row.get("hysteresis"), source), tuple(effects))
     return PLAIN.read_fields(JointFit, row, source, {"variant": variant, "train_rmse_um": error_um})
-
-
-@cache
-def _code() -> bytes:
-    """Return a hash of what a refit runs, but the effects."""
-    rooms = ("plant", "identification", "diagnosis/search")
-    return fingerprint(path.read_bytes() for path in sorted(room_files(*rooms))).encode()
-
-
-@cache
-def _source(kind: type[Effect]) -> bytes:
-    """Return the file that an effect of the user's own stands in; its equation may change."""
-    try:
-        path = getsourcefile(kind)
-        return b"" if path is None else Path(path).read_bytes()
-    except (OSError, TypeError):
-        return b""

@@ -54,7 +54,7 @@ _NEAREST = 3
 
 @dataclass(frozen=True, eq=False)
 class Ending:
-    """What a search ends with: its records, two models, and what it found about each effect."""
+    """End of a search: its records, two models, and its findings about each effect."""
 
     began: float  # reading of the clock at its start (s)
     kind: Kind  # what was asked
