@@ -87,7 +87,7 @@ def _part(whole: Dataset, names: Sequence[str]) -> Dataset:
 def _effects_of(found: SearchResult) -> dict[str, list[str]]:
     assert found.probabilities is not None
     return {
-        "probable": list(found.probabilities.probable), "added": [c.effect for c in found.added],
+        "probable": list(found.probabilities.probable), "added": [c.effect for c in found.named],
     }  # fmt: skip
 
 

@@ -63,7 +63,7 @@ seconds = time.perf_counter() - began
 owners = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
 own, worker = (resource.getrusage(owner).ru_maxrss / 1024 for owner in owners)
 print("COST " + json.dumps({
-    "found": "+".join(sorted(c.effect for c in found.added)),
+    "found": "+".join(sorted(c.effect for c in found.named)),
     "verdict": found.verdict,
     "seconds": seconds,
     "cpu_s": sum(resource.getrusage(resource.RUSAGE_SELF)[:2]),

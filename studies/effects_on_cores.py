@@ -191,7 +191,7 @@ def run_case(case: Case, code: str) -> Row:
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     seconds = time.process_time() - began
-    first = found.added[0] if found.added else None
+    first = found.named[0] if found.named else None
     names = (first.effect, *first.indistinguishable) if first else ()
     return row | {
         "status": "done",
@@ -199,7 +199,7 @@ def run_case(case: Case, code: str) -> Row:
         "alike": list(found.core.alike),
         "exact": found.core.kind == case.kind,
         "right": case.kind in (found.core.kind, *found.core.alike),
-        "added": [step.effect for step in found.added],
+        "added": [step.effect for step in found.named],
         "first": row["effect"] in names if case.hides else first is None,
         "verdict": found.verdict,
         "floors": found.final.validation_rmse_um / max(found.noise_floor_um, 1e-300),

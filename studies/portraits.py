@@ -23,17 +23,17 @@ import pandas as pd
 
 from baselines.extended import ExtendedInverse
 from benchmarks.effect_discovery.protocols import Drive, between
+from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.search import begun
 from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.discover import add_effect
 from rdpi_gym.diagnosis.search.plants import plant_of
-from rdpi_gym.diagnosis.search.ranking import in_best_form
-from rdpi_gym.diagnosis.search.refitting import State
 from rdpi_gym.diagnosis.search.residual_share import remainder
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.plant import PlantModel
-from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
@@ -92,27 +92,30 @@ def run_case(case: Case, code: str) -> Row:
     began = time.process_time()
     try:
         found = measured(case.sort, case.protocol, case.seed, case.number)
-        search = ModelSearch(found.dataset, CATALOGUE, 1, 0, None, None)
-        base = search.base(None)
-        plays = base.hysteresis.pruned()
-        forms = learn_forms(search.setting, plays, (), Unknown, silent)
-        added = State(in_best_form(forms, search.noise_um)[0])  # as `rdpi add unknown` chooses
-        drawn = draw(search.setting, plays, (), forms, {}, 0, silent)
+        evidence = Evidence.of(found.dataset)
+        setting = Setting(evidence.train, evidence.validation, evidence.scale)
+        bare = begun(evidence)
+        base, floor_um = assess(setting, "", bare.fit), evidence.floor_um(bare.lefts)
+        plays = bare.model.core.pruned()
+        forms = learn_forms(setting, plays, (), Unknown, silent)
+        drawn = draw(setting, plays, (), forms, {}, 0, silent)
+        plant = plant_of(setting, base, None)
+        added = add_effect(found.dataset, plant, Unknown)
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     noise_um = found.plant.noise_um
-    before, after = (s.outcome.errors.validation_rmse_um for s in (base, added))
-    tracked = [_tracking_um(found, _plant(search, s)) for s in (base, added)]
+    before, after = (e.validation_rmse_um for e in (base.errors, added.final))
+    tracked = [_tracking_um(found, each) for each in (plant, added.plant)]
     return (
         row
         | {
             "status": "done",
             "floors": found.floors,
-            "predictable": _predictable(search, base),
+            "predictable": _predictable(setting, base, floor_um),
             "tau_s": found.numbers["tau_s"],
             "before": before / noise_um,
             "after": after / noise_um,
-            "form": added.effects[-1].form,
+            "form": added.added[0].form,
             "tracking_before": tracked[0] / noise_um,
             "tracking_after": tracked[1] / noise_um,
             "seconds": time.process_time() - began,
@@ -144,18 +147,14 @@ def answers(drawn: Portrait | None, sort: Sort, numbers: dict[str, float]) -> Ro
     }
 
 
-def _predictable(search: ModelSearch, base: State) -> float:
+def _predictable(own: Setting, base: Outcome, noise_um: float) -> float:
     """Share of the squared error of a model, noise included, that a learner predicts on unseen data.
 
     A ridge regression on features of the command's past, or what recurs with it: nothing of the block.
     """
-    own = search.setting
-    left = remainder(base.fit.variant, own.train, own.validation, own.scale, search.noise_um)
-    return left.share * (left.left_um / base.outcome.errors.validation_rmse_um) ** 2
-
-
-def _plant(search: ModelSearch, state: State) -> PlantModel:
-    return plant_of(search.setting, state.outcome, None)
+    assert base.fit is not None
+    left = remainder(base.fit.variant, own.train, own.validation, own.scale, noise_um)
+    return left.share * (left.left_um / base.errors.validation_rmse_um) ** 2
 
 
 def _tracking_um(found: Measured, belief: PlantModel) -> float:

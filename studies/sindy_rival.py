@@ -30,9 +30,10 @@ from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.foreign import FOREIGN, NUMBERS, make_cases, prepare
 from benchmarks.effect_discovery.report import judge
 from benchmarks.rows import ROWS_FILE
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
-from rdpi_gym.diagnosis.search.ranking import in_blocks
-from rdpi_gym.diagnosis.search.refitting import State
+from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.models import Visited
+from rdpi_gym.diagnosis.beam.search import begun
+from rdpi_gym.measurement import Record, hold_out_blocks
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
@@ -61,8 +62,8 @@ def run_case(case: Case, code: str) -> Row:
     row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
     began = time.process_time()
     try:
-        search = ModelSearch(prepared.dataset, CATALOGUE, 1, case.seed, None, None)
-        chances, sizes = included(search, search.base(None), case.number)
+        evidence = Evidence.of(prepared.dataset)
+        chances, sizes = included(evidence, begun(evidence), case.number)
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     names = sorted(chances, key=lambda name: (-chances[name], -sizes[name]))
@@ -77,24 +78,30 @@ def run_case(case: Case, code: str) -> Row:
 
 
 def included(
-    search: ModelSearch, base: State, seed: int
+    evidence: Evidence, base: Visited, seed: int
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return by effect the share of resampled regressions that have it, and its size there (µm rms)."""
-    library = library_of(CATALOGUE, search.setting.scale)
-    blocks = search.setting if search.dataset.holds_out_quarters else in_blocks(search.setting)
-    fitted, asked = (
-        signature_rows(base.fit.variant, library, part)
-        for part in (blocks.train, blocks.validation)
-    )
-    moving = nearest_places(library, *fitted, 1e-3 * search.noise_um)
+    library = library_of(CATALOGUE, evidence.scale)
+    fitted, asked = (signature_rows(base.fit.variant, library, part) for part in _blocks(evidence))
+    noise_um = evidence.floor_um(base.lefts)
+    moving = nearest_places(library, *fitted, 1e-3 * noise_um)
     size = np.sqrt(np.mean(fitted[0] ** 2, axis=0))[moving]
     x, held = (part[0][:, moving] / size for part in (fitted, asked))
-    models = best_sparse_models(x, fitted[1], held, asked[1], search.noise_um, seed)
+    models = best_sparse_models(x, fitted[1], held, asked[1], noise_um, seed)
     inside = dict(zip((library[k][0] for k in moving), models.T, strict=True))
     still = np.zeros(1)
     chances = {name: float(np.mean(inside.get(name, still) != 0.0)) for name in CATALOGUE}
     sizes = {name: float(abs(np.median(inside.get(name, still)))) for name in CATALOGUE}
     return chances, sizes
+
+
+def _blocks(evidence: Evidence) -> tuple[Sequence[Record], Sequence[Record]]:
+    """Records to fit and to judge by: blocks of each that are held out."""
+    if evidence.dataset.holds_out_quarters:
+        return evidence.train, evidence.validation
+    every = dict.fromkeys((*evidence.train, *evidence.validation))
+    fitted, held = zip(*map(hold_out_blocks, every), strict=True)
+    return fitted, held
 
 
 def _study(asked: Namespace) -> Files:

@@ -158,8 +158,11 @@ def found(discovery: SearchResult) -> dict[str, Any]:
             {c.effect: c.errors.validation_rmse_um for c in tried if c.parameters}
             for tried in discovery.rounds[1:]
         ],
-        "steps": [_candidate(added) | _details(added) for added in discovery.added],
+        "steps": [_candidate(added) | _details(added) for added in discovery.named],
         "removed": list(discovery.removed),
+        "probabilities": None
+        if discovery.probabilities is None
+        else discovery.probabilities.to_dict(),
         "remainder": discovery.remainder,
         "next_experiment": discovery.next_experiment,
         "notes": list(discovery.notes),

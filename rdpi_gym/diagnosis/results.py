@@ -12,8 +12,7 @@ from typing import Any, Literal
 from rdpi_gym.diagnosis.notices import Notice, statement
 from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.preprocessing import Finding
-from rdpi_gym.diagnosis.probability import Probabilities
-from rdpi_gym.diagnosis.words import headline, request_of, sized, text_of
+from rdpi_gym.diagnosis.words import Grade, grade_of, headline, request_of, sized, text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
@@ -127,6 +126,8 @@ class Candidate(Document):
     instead
         By effect that came close to this one, the validation error (µm rms) of the final model with it
         in this one's place.
+    grade
+        How sure it is; empty where it is less likely than not, and in results of other searches.
     """
 
     effect: str
@@ -143,6 +144,7 @@ class Candidate(Document):
     instead: Mapping[str, float] = field(
         default_factory=dict, metadata=stored("validation_rmse_instead")
     )
+    grade: Grade = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the object of the files."""
@@ -236,8 +238,8 @@ class CoreChoice(Document):
 
     @property
     def sentence(self) -> str:
-        """Kind, how sure, and what the records cannot tell from it; empty where none was compared."""
-        if self.confidence is None and not self.alike:
+        """Kind, how sure, and what is not told from it; empty where nothing speaks for another."""
+        if self.confidence is None and not self.alike and not self.clockwise:
             return ""
         parts = [statement("core/kind", core=self.kind, title=CORES[self.kind].title)]
         if self.confidence is not None:
@@ -249,6 +251,32 @@ class CoreChoice(Document):
         if self.alike:
             parts.append(statement("core/alike", cores=joined(self.alike)))
         return f"{''.join(map(text_of, parts))}."
+
+
+@dataclass(frozen=True)
+class Probabilities(Document):
+    """Probabilities of effects: weights of the sets that were visited.
+
+    Parameters
+    ----------
+    effects
+        By name, 0 to 1, the most probable first. They are no shares of a whole: two effects can be
+        there at once.
+    classes
+        Of each effect that was added: that it is there, or one that the records do not tell from it.
+    none
+        That no effect is missing.
+    other
+        That something is there that the catalogue does not have.
+    probable
+        The effects that are less than nine times as likely to be absent.
+    """
+
+    effects: Mapping[str, float]
+    classes: Mapping[str, float]
+    none: float = field(metadata=stored("none"))
+    other: float = field(metadata=stored("something else"))
+    probable: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -394,6 +422,11 @@ class SearchResult:
         return tuple(candidate for step in self.steps for candidate in step.added)
 
     @property
+    def named(self) -> tuple[Candidate, ...]:
+        """Effects of the steps that are found or likely: those stated as missing."""
+        return tuple(c for c in self.added if self.grade(c) in ("found", "likely"))
+
+    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """The candidates of the first round, best first."""
         return self.rounds[0] if self.rounds else ()
@@ -430,6 +463,10 @@ class SearchResult:
         known = {} if self.probabilities is None else self.probabilities.effects
         return known.get(candidate.effect, candidate.confidence)
 
+    def grade(self, candidate: Candidate) -> Grade:
+        """Grade of an effect; of a result that states none, that of its certainty."""
+        return candidate.grade or grade_of(self.certainty(candidate))
+
     @property
     def headline(self) -> str:
         """The answer in one line: which effect, how large, error before and after, noise."""
@@ -437,7 +474,7 @@ class SearchResult:
         removal = self.kind == "removal"
         names = self.removed if removal else [c.effect for c in self.added]
         before = self.given if removal and self.given is not None else self.base
-        sure = {c.effect: self.certainty(c) for c in self.added}
+        sure = {c.effect: self.grade(c) for c in self.added}
         # a confidence is that in the effect or a rival
         rivals = {
             c.effect: f" (or {joined(c.indistinguishable)})"
@@ -446,13 +483,13 @@ class SearchResult:
         }
         said = headline(
             self.kind,
-            {known.get(n, n) + rivals.get(n, ""): sure.get(n, 1.0) for n in names},
+            {known.get(n, n) + rivals.get(n, ""): sure.get(n, "found") for n in names},
             (before.validation_rmse_um, self.final.validation_rmse_um),
             self.noise_floor_um,
             self.verdict,
             self.undecided,
             self.sampling if self.reservation is None else request_of(self.reservation),
-            1.0 if self.probabilities is None else self.probabilities.none,
+            "found" if self.probabilities is None else grade_of(self.probabilities.none),
             self.within_records,
         )
         return self.quantities.fill(said)

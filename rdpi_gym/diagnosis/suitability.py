@@ -97,13 +97,6 @@ def unrelated(train: Sequence[Record]) -> str | None:
     return template("unrelated", percent=100 * max(follows, 0.0))
 
 
-def one_size(records: Sequence[Record]) -> bool:
-    """Whether loops of one size are all that records hold: they do not tell weights apart."""
-    cycles = [half_cycles(r.u_V, r.ts_s) for r in records]
-    sizes = np.concatenate([c.amplitude_V[c.whole] for c in cycles])
-    return bool(sizes.size) and not vary(sizes)
-
-
 def comb(records: Sequence[Record]) -> RDPI:
     """Return the RDPI model on the fine fixed comb of a search, to be fitted: convex in its weights."""
     return RDPI.comb(data_scale(records))

@@ -578,11 +578,11 @@ _COMMAND_CLIPPED = (
 )
 _WRITTEN = (
     " times its time step: the model, right for the other records, fits it when {right:~3} s pass "
-    "between its samples, not {written:~3} s; nothing was changed."
+    "between its samples, not {written:~3} s, and errors are of the record with that set right."
 )
 _SHIFTED = (
     " the other records by {shift_ms:~2} ms ({samples:~2} samples): its {output} fits when it is moved "
-    "by that; nothing was changed."
+    "by that, and errors are of the record so moved."
 )
 
 RECORDS: Mapping[str, str] = {
@@ -591,8 +591,6 @@ RECORDS: Mapping[str, str] = {
     "left out.",
     "spikes/several": _OF + "stand alone, up to {times:~2} times the noise from their neighbours: "
     "outliers, left out.",
-    "more outliers": "{samples} more of {record} stand alone beside what the model leaves: outliers, "
-    "left out.",
     "clipped output": _OF
     + "stand at the end of the {output}'s range without any noise: the sensor or "
     "its converter clips, left out.",
@@ -606,16 +604,15 @@ RECORDS: Mapping[str, str] = {
     "in motion": _OF
     + "lie before the command has passed both of its extremes: the record begins in "
     "motion, and what came before it is unknown.",
-    "unknown past": "{samples} of {whole} samples at the beginning of {records} left out of the fit and of "
-    "the verdict, not of the errors: their history was not recorded.",
+    "unknown past": "{samples} of {whole} samples at the beginning of {records} left out of the fit, of "
+    "the verdict and of the errors: their history was not recorded.",
     "clock/lead by one": "{samples:~3} sample: by so much the {output} of {records} leads its command, "
     "which no plant does; it was moved later by that.",
     "clock/lead": "{samples:~3} samples: by so much the {output} of {records} leads its command, which "
     "no plant does; it was moved later by that.",
     "clock/late": "{samples:~2} samples: at least by so much the {output} is late in every record, "
     "whatever its sampling time: a shift of the channels, and no delay of the plant.",
-    "clock/scale": "{record} seems to be written with {factor:~2}" + _WRITTEN,
-    "clock/slight scale": "{record} seems to be written with {factor:~3}" + _WRITTEN,
+    "clock/scale": "{record} seems to be written with {factor:~3}" + _WRITTEN,
     "clock/record lags": "{record} lags" + _SHIFTED,
     "clock/record leads": "{record} leads" + _SHIFTED,
     "clock/skew": "The {output} of {of} falls behind its command by {late_ms:~2} ms more in each second: "
@@ -643,16 +640,8 @@ SEARCH: Mapping[str, str] = {
     "columns and the sensor.",
     "turned": "the {output} falls where the {input} rises: its sign was turned, the model describes -y",
     "not converged": "did not converge: {reason}",
-    "not finite": "the error is not finite",
-    "core left out": "the core {core} was left out: {error}",
     "on request": "{effect} was added on request; these records do not earn it",
-    "simpler": "{effect} does not need the form {form}",
-    "improbable": "{effect} was taken out again, as it is {percent:.0f} % probable: the validation error "
-    "is {with_it:.4g} {output_unit} with it and {without:.4g} {output_unit} without",
     "no portrait": "no portrait of what is missing could be drawn: {error}",
-    "no refit": "a refit of the model {remark}; it stays where it was",
-    "other core": "the core {core} with its own effects leaves {its:.4g} {output_unit} held out, "
-    "{own_core} {own:.4g} {output_unit}: --core {core} shows it",
     "law/none": "the thresholds stay free: those of Eq. 8 {remark}",
     "law/kept": "the thresholds are those of Eq. 8 with {plays} plays; the validation error is "
     "{change:+.0f} % beside that of free thresholds",
@@ -661,16 +650,9 @@ SEARCH: Mapping[str, str] = {
     "core gains": "core {core}: {used} gains that are not zero",
     "core numbers": "{parts}",
     "at bound": "{parameter} at its bound",
-    "worse": "{record} becomes worse",
     "not ended": "the search did not end",
-    "no first steps": "its first steps take nothing",
     "evidence": "The error falls most on {record}. {signature}",
     "left/low": "At least {low:.0f} % of the remaining squared error above noise follows from the input.",
-    "nothing tried": "nothing was tried beside the model: its own refit failed ({error})",
-    "within records": "the records to validate on do not show what those to fit ask for, as a drift of "
-    "a later record does not follow from an earlier one: a quarter of every record, in blocks, is held "
-    "out from here on",
-    "one class": "one class with them and with δ2: all rates are alike",
     "read/stretch/one/all": "a stretch of {size:,} samples of {records}",
     "read/stretch/one/fewer": "a stretch of {size:,} samples, one in {step}, of {records}",
     "read/stretch/each/all": "a stretch of {size:,} samples of each of {records}",
@@ -729,8 +711,6 @@ SEARCH: Mapping[str, str] = {
     + _LEFT
     + " follows from the input: {seen}, "
     "and neither repetitions nor quiet records show a disturbance; " + _HIDES + ".",
-    "unseen": "no test without a model sees {effect} here: {reason_clause}",
-    "vetoed": "{effect} vetoed: a test without a model denies it: {reason}",
 }
 """Findings and decisions of a search."""
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 from rdpi_gym.diagnosis import texts
 from rdpi_gym.diagnosis.notices import Code, Notice, Statement
-from rdpi_gym.diagnosis.probability import GRADES, grade
 from rdpi_gym.measurement import Quantities, Quantity
 from rdpi_gym.measurement.quantities import SIDES, in_output, unit_template
 from rdpi_gym.plant.effects.base import Effect
@@ -17,6 +16,14 @@ from rdpi_gym.signals.experiments import standard_protocol
 from rdpi_gym.support.words import capital, closed, digits, joined, pm
 
 T = TypeVar("T")
+Grade = Literal["found", "likely", "stand-in", ""]
+"""How sure a name is: from 90 % on, from 50 %, one that a free block beats, less likely than not."""
+_MISSING: Mapping[Grade, str] = {
+    "found": "missing: {}",
+    "likely": "probably missing: {}",
+    "": "possibly missing: {}",
+    "stand-in": "the error falls as with {}, which is not the cause",
+}
 # Fields of results that hold no text for a reader.
 _NO_TEXTS = frozenset(["model", "plane", "plant", "quantities", "traces", "views"])
 _UNIT_IN_NAME = re.compile(r"(_per)?_(hz|V_s|um_s|s|V|um|rad)$")
@@ -118,18 +125,18 @@ def sized(effect: Effect) -> str:
 
 def headline(
     asked: str,
-    effects: Mapping[str, float],
+    effects: Mapping[str, Grade],
     errors_um: tuple[float, float],
     noise_um: float,
     verdict: str,
     undecided: str | None,
     request: str | None,
-    nothing: float,
+    nothing: Grade,
     within_records: bool = False,
 ) -> str:
     """Answer a search, as a template.
 
-    `effects` are names with their probabilities and `nothing` is that of none, which grade the answer;
+    `effects` are names with their grades and `nothing` is that of none;
     `request` is what a reservation asks for; errors are of blocks held out `within_records`.
     """
     error = "Error on blocks held out of every record" if within_records else "Error"
@@ -141,7 +148,8 @@ def headline(
         if undecided is not None:
             return f"Undecided. {undecided} {numbers}"
         if verdict == "no missing effect":
-            return capital(f"{grade(nothing)} nothing is missing. {numbers}".lstrip())
+            word = {"found": "", "likely": "probably "}.get(nothing, "possibly ")
+            return capital(f"{word}nothing is missing. {numbers}")
         return f"Unexplained: no effect of the catalogue improves held-out error. {numbers}"
     numbers = f"{error} {before.removesuffix(' {output_unit}')} to {after}, {noise}.{rest}"
     verb = {"addition": "Added", "removal": "Removed"}.get(asked)
@@ -157,14 +165,20 @@ def headline(
     return f"{names}, and something that no effect of the catalogue explains. {numbers}"
 
 
-def _missing(effects: Mapping[str, float]) -> str:
+def _missing(effects: Mapping[str, Grade]) -> str:
     """Name what is missing, by grade, the surest first."""
-    groups = {word: [n for n, p in effects.items() if grade(p) == word] for word in GRADES}
-    return capital(
-        "; ".join(
-            f"{word} missing: {joined(names)}".lstrip() for word, names in groups.items() if names
-        )
-    )
+    groups = {text: [n for n, own in effects.items() if own == g] for g, text in _MISSING.items()}
+    said = [text.format(joined(names)) for text, names in groups.items() if names]
+    return capital("; ".join(said))
+
+
+def grade_of(probability: float) -> Grade:
+    """Return the grade of a probability (0 to 1)."""
+    from rdpi_gym.diagnosis.beam.constants import FOUND, LIKELY  # they read these words
+
+    if probability < LIKELY:
+        return ""
+    return "found" if probability >= FOUND else "likely"
 
 
 def _figures(value: float) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from rdpi_gym.diagnosis.comparison.traces import Trace, residual_profiles, view_trace
-from rdpi_gym.diagnosis.probability import Probabilities
-from rdpi_gym.diagnosis.results import Candidate, SearchResult, Step, View
+from rdpi_gym.diagnosis.results import Candidate, Probabilities, SearchResult, Step, View
 from rdpi_gym.measurement.quantities import in_output, template_of, unit_template
 from rdpi_gym.plant.effects import CATALOGUE, Effect, Parameter, forms_of
 from rdpi_gym.report import discovery_charts as charts

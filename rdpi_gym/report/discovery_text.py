@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from rdpi_gym.diagnosis.notices import statement
-from rdpi_gym.diagnosis.probability import Probabilities
-from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
+from rdpi_gym.diagnosis.results import Candidate, Errors, Probabilities, SearchResult
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement.quantities import in_output
 from rdpi_gym.support.words import closed, joined
@@ -54,6 +53,8 @@ def candidate_sentence(
     text = probability_phrase(candidate, chances)
     if candidate.without_um is not None and beside_others:
         text += f"; error without it, all else refitted, {in_output(candidate.without_um)}"
+    if candidate.grade == "stand-in":
+        text += "; a stand-in: a free block in its place leaves less, or it takes less than is left"
     if candidate.indistinguishable:
         text += f"; indistinguishable from {joined(candidate.indistinguishable)} on these records"
     text = closed(text)

@@ -14,16 +14,18 @@ import numpy as np
 
 from benchmarks.tracking.episode import Caution
 from rdpi_gym.diagnosis import preprocessing, words
+from rdpi_gym.diagnosis.beam.ending import clock_finding
+from rdpi_gym.diagnosis.beam.evidence import Clock
 from rdpi_gym.diagnosis.comparison.compare import compare
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value, experiment_for, sentences_of
 from rdpi_gym.diagnosis.preprocessing import Finding
 from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors
-from rdpi_gym.diagnosis.search import plants, record_clocks, verdict
+from rdpi_gym.diagnosis.search import plants, verdict
 from rdpi_gym.diagnosis.search.separability import next_experiment, what_to_measure
 from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.diagnosis.suitability import limits, unrelated
-from rdpi_gym.diagnosis.words import headline, in_words, sized
+from rdpi_gym.diagnosis.words import Grade, headline, in_words, sized
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.laboratory import compensator_comparison
 from rdpi_gym.measurement import Dataset, Quantities, Record
@@ -113,7 +115,6 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
     few[40:47] = True
     lone = np.zeros(2000, dtype=bool)
     lone[7] = True
-    wish = record_clocks.Wish
     made: dict[str, Finding] = {
         "spike": preprocessing._spikes(one, lone, 31.4),
         "spikes": preprocessing._spikes(one, few, 7.77),
@@ -123,13 +124,13 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
         "command lost": preprocessing._clipped_command(one, few, None),
         "command rebuilt": preprocessing._clipped_command(one, few, 0.1234),
         "in motion": preprocessing._in_motion(one, few),
-        "unknown past": record_clocks.unknown_past({"held": few}),
-        "unknown pasts": record_clocks.unknown_past(dict.fromkeys("abcde", few)),
-        "outliers": record_clocks.outliers_left("held", few),
-        "lag": record_clocks._said(one, {"delay": wish(0.00123, 1e-5, 0.1)}),
-        "lead": record_clocks._said(one, {"delay": wish(-0.00123, 1e-5, 0.1)}),
-        "stretch": record_clocks._said(one, {"scale": wish(0.693, 1e-3, 0.1)}),
-        "slight stretch": record_clocks._said(one, {"scale": wish(0.02, 1e-3, 0.1)}),
+        "unknown past": preprocessing.unknown_past({"held": few}),
+        "unknown pasts": preprocessing.unknown_past(dict.fromkeys("abcde", few)),
+        "lag": clock_finding(Clock("delay", "held", 0.00123), [one]),
+        "lead": clock_finding(Clock("delay", "held", -0.00123), [one]),
+        "stretch": clock_finding(Clock("step", "held", 0.693), [one]),
+        "slight stretch": clock_finding(Clock("step", "held", 0.02), [one]),
+        "skew": clock_finding(Clock("skew", "", 2e-4), [one]),
     }
     u = np.random.default_rng(5).standard_normal(4000).cumsum()
     for shift in (-3, 4):
@@ -189,7 +190,7 @@ def _headlines(q: Quantities) -> Iterator[tuple[str, Any]]:
     loose = unrelated(datasets(q)["unrelated"].train)
     cases = product(
         ("diagnosis", "addition", "discovery", "removal"),
-        ({}, {creep: 0.97}, {creep: 0.97, "delay": 0.6}),
+        cast("list[dict[str, Grade]]", [{}, {creep: "found"}, {creep: "found", "delay": "likely"}]),
         ("explained", "no missing effect", "unexplained"),
         (None, loose),
         (None, words.request_of(cast("Notice", floor.sampling))),
@@ -199,7 +200,7 @@ def _headlines(q: Quantities) -> Iterator[tuple[str, Any]]:
             continue
         key = f"headline {asked} {len(effects)} {verdict_} {undecided is None} {sampling is None}"
         errors = (0.4321, 0.4319 if len(effects) == 2 else 0.0987)
-        yield key, headline(asked, effects, errors, 0.05, verdict_, undecided, sampling, 1.0)
+        yield key, headline(asked, effects, errors, 0.05, verdict_, undecided, sampling, "found")
 
 
 def _effects(q: Quantities) -> Iterator[tuple[str, Any]]:

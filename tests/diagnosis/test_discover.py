@@ -1,20 +1,13 @@
 """The laboratory names a hidden effect, stays silent without one, and says what it cannot know."""
 
 import json
-import math
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.results import Candidate, SearchResult
-from rdpi_gym.diagnosis.search import model_search
-from rdpi_gym.diagnosis.search.candidates import refit
+from rdpi_gym.diagnosis.results import SearchResult
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
-from rdpi_gym.diagnosis.search.record_clocks import leaving_out
-from rdpi_gym.diagnosis.search.refitting import State
-from rdpi_gym.diagnosis.search.verdict import NumericalFloor
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
@@ -96,50 +89,6 @@ def test_a_hidden_effect_is_named_with_its_parameter(found):
     assert found.probabilities.classes["sensor_lag"] > 0.9
     assert chances.pop("sensor_lag") > 100 * max(chances.values())
     assert found.probabilities.probable == ("sensor_lag",)
-
-
-def test_a_numerical_floor_that_the_error_does_not_bear_out_ends_no_search(lagging):
-    search = ModelSearch(lagging, FEW, 1, 0, None, None)
-    base = search.base(None)
-    left_um = math.sqrt(base.outcome.mean_square)
-    for shown_um, ends in ((0.0, False), (left_um, True)):
-        floor = NumericalFloor(left_um, 0.0, 5000.0, shown_um=shown_um)
-        search.numerical = lambda state, floor=floor: floor
-        assert search.at_floor(base) is ends
-
-
-def test_what_is_improbable_goes_unless_the_error_hangs_on_it(lagging, monkeypatch):
-    search = ModelSearch(lagging, FEW, 1, 0, None, None)
-    base = search.base(None)
-    monkeypatch.setattr(model_search, "of_classes", lambda course: [0.3] * len(course.added))
-    for name, gone in (("gain_drift", ("gain_drift",)), ("sensor_lag", ())):
-        state = State(refit(search.setting, base.hysteresis, (), CATALOGUE[name]))
-        step = Candidate(name, state.outcome.errors, {}, {}, 1.0, 0.5, (), "")
-        left, removed, why = search.improbable(base, state, [step], [step])
-        assert removed == gone
-        assert tuple(e.name for e in left.effects) == (() if gone else (name,))
-        assert ["as it is 30 % probable" in sentence for sentence in why] == [True] * len(gone)
-
-
-def test_what_came_close_is_tried_in_the_place_of_what_was_chosen(lagging):
-    search = ModelSearch(lagging, FEW, 1, 0, None, None)
-    base = search.base(None)
-    state = State(refit(search.setting, base.hysteresis, (), SensorLag))
-    step = Candidate("sensor_lag", state.outcome.errors, {}, {}, 1.0, 0.5, (), "")
-    _, (settled,) = search.settle(
-        state, [step], {"sensor_lag": (CATALOGUE["asymmetry"](0.02, 40.0),)}
-    )
-    assert (settled.effect, settled.indistinguishable) == ("sensor_lag", ())
-    assert settled.instead["asymmetry"] > 2.0 * settled.errors.validation_rmse_um
-    assert Candidate.from_dict(settled.to_dict()).instead == settled.instead
-    # where the beginning of a record to judge by is left out, the error is stated with it all the same
-    errors = state.outcome.errors
-    assert search.errors_of(state.outcome) is errors
-    held = search.setting.validation[0]
-    search._spared = {held.name: np.arange(held.t_s.size) < held.t_s.size // 3}
-    search.setting = leaving_out(search.setting, search._spared)
-    assert search.again(state).outcome.errors != errors
-    assert search.errors_of(state.outcome) == errors
 
 
 def test_two_hidden_effects_are_both_found():
@@ -264,8 +213,7 @@ def test_an_interrupted_run_goes_on_from_its_candidates(lagging, tmp_path):
         lagging, catalogue=FEW, checkpoint=path,
         progress=lambda *stage: stages.append(stage),
     )  # fmt: skip
-    assert ("candidates", 2, 4) in stages
-    assert ("candidates", 1, 4) not in stages
+    assert stages == []
     assert any("1 row was damaged" in note for note in again.notes)
     assert [c.effect for c in again.candidates] == [c.effect for c in first.candidates]
 

@@ -6,63 +6,17 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.ranking import better_forms, in_best_form
-from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import JointFit
-from rdpi_gym.identification.residuals import PIECES
-from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10
-from rdpi_gym.plant.effects import CATALOGUE, load_effect
-from rdpi_gym.plant.effects.base import DataScale, forms_of
+from rdpi_gym.plant.effects import CATALOGUE
+from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.signals import DecayingSine, Sine
 from rdpi_gym.signals.experiments import polyline
 from rdpi_gym.virtual_lab.independent import simulate_truth
 
 NOISE_UM = 0.012
 SCALE = DataScale(0.0, 40.0, 40.0, 1e4, 1e-4, 10.0)
-
-
-def outcome(effect: str, form: str, rmse_um: float) -> Outcome:
-    kind = next(k for k in forms_of(CATALOGUE[effect]) if k.form == form)
-    fit = JointFit(Variant(P10.hysteresis, (kind(),)), rmse_um, (), {}, 1, True)
-    errors = Errors(rmse_um, rmse_um, 1.0, {})
-    return Outcome(effect, fit, errors, np.full((1, PIECES), rmse_um**2), form=form)
-
-
-def test_a_form_must_pay_for_its_freedom():
-    simple = outcome("creep", "", 0.0150)
-    little = outcome("creep", "two time constants", 0.0149)
-    (best,) = in_best_form([little, simple], 0.012)
-    assert best.form == ""
-    (best,) = in_best_form([outcome("creep", "two time constants", 0.0122), simple], 0.012)
-    assert best.form == "two time constants"
-
-
-def test_one_refit_for_each_name_best_first():
-    outcomes = [outcome("delay", "", 0.02), outcome("creep", "", 0.015)]
-    assert [o.effect for o in in_best_form(outcomes, 0.012)] == ["creep", "delay"]
-
-
-def test_only_further_forms_of_what_is_there_are_tried_without_it_beside_them():
-    creep, delay = CATALOGUE["creep"](), CATALOGUE["delay"]()
-    trials = better_forms((creep, delay), SCALE)
-    forms = [t.kind.form for t in trials if t.kind.name == "creep"]
-    assert forms == [k.form for k in forms_of(CATALOGUE["creep"])[1:]]
-    assert all(t.present == (delay,) for t in trials if t.kind.name == "creep")
-    last = forms_of(CATALOGUE["creep"])[-1]()
-    assert not [t for t in better_forms((last,), SCALE) if t.kind.name == "creep"]
-
-
-def test_another_form_of_the_candidate_gives_way_to_it():
-    data = records(FAST)
-    setting = Setting(data.train, data.validation, data_scale(data.train))
-    drift, curve = (load_effect("gain_drift", form) for form in ("", "smooth curve"))
-    found = refit(setting, P10.hysteresis, (drift(), CATALOGUE["delay"]()), curve)
-    assert [type(e) for e in found.fit.variant.effects] == [curve, CATALOGUE["delay"]]
 
 
 def records(signals, effects=(), through=lambda u: u) -> Dataset:

@@ -10,7 +10,7 @@ from benchmarks.effect_discovery.protocols import Drive
 from rdpi_gym.diagnosis.portrait import Portrait, sentences_of
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
-from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.diagnosis.search.setting import Setting
 from rdpi_gym.diagnosis.words import in_words
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.identification.scale import data_scale

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.results import SearchResult
-from rdpi_gym.diagnosis.search.candidates import Setting, refit
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.record_clocks import record_clocks
-from rdpi_gym.diagnosis.suitability import comb
-from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.plant import P10
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.report.discovery_text import lines
@@ -48,11 +44,8 @@ def changed(data, name, change):
 
 
 def clocks(data, kind=None):
-    train, validation = data.train, data.validation
-    setting = Setting(train, validation, data_scale((*train, *validation)))
-    outcome = refit(setting, comb(train), (), kind)
-    assert outcome.fit is not None
-    return record_clocks(outcome.fit.variant, train, validation, NOISE_UM)
+    kinds = {} if kind is None else {kind.name: CATALOGUE[kind.name]}
+    return tuple(f for f in discover(data, catalogue=kinds).findings if f.kind == "clock")
 
 
 @over("name", ["sine-50hz", "validation-chirp"])

@@ -9,9 +9,8 @@ import pytest
 from rdpi_gym.diagnosis.features.noise import noise_floor, slowness
 from rdpi_gym.diagnosis.notices import Code
 from rdpi_gym.diagnosis.preprocessing import inspect
-from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
+from rdpi_gym.diagnosis.search.setting import Setting
 from rdpi_gym.diagnosis.search.verdict import judge, numerical_floor
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
@@ -100,9 +99,7 @@ def test_a_corner_that_a_model_misses_is_no_outlier():
         P10.hysteresis, [{"effect": "slew_limit", "rate_V_s": 3000.0}], {"run": (u, 1e-3)}
     )
     assert not [f for f in inspect(data).findings if f.kind == "spikes"]
-    search = ModelSearch(data, kinds, 1, 0, None, None)
-    search.base(None)
-    assert not [f for f in search.findings if f.kind == "spikes"]
+    assert not [f for f in discover(data, catalogue=kinds).findings if f.kind == "spikes"]
 
 
 def test_the_numerical_floor_holds_a_turn_that_no_sample_shows():

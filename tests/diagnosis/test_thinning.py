@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis import suitability
-from rdpi_gym.diagnosis.preprocessing import Finding
+from rdpi_gym.diagnosis.beam import evidence
 from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
-from rdpi_gym.diagnosis.search.refitting import setting_of
 from rdpi_gym.diagnosis.suitability import close_up, thinned
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import MOST_SAMPLES, kept_samples
@@ -39,6 +37,7 @@ def _record(name: str, samples: int, ts_s: float, hz: float, seed: int = 0) -> R
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search reads twelve thousand samples where there are twice as many."""
     monkeypatch.setattr(suitability, "SEARCH_MOST", 12_000)
+    monkeypatch.setattr(evidence, "READ_SAMPLES", 12_000)
 
 
 @pytest.fixture(scope="module")
@@ -96,32 +95,6 @@ def test_a_rate_that_widens_thresholds_keeps_the_sampling() -> None:
     found = thinned(Dataset("fast", (_record("run", 30_000, 1e-4, 12.0),)), {})
     assert found is not None
     assert found.dataset.records[0].ts_s == 1e-4
-
-
-@pytest.mark.usefixtures("few")
-def test_what_was_left_out_is_left_out_of_all_samples(oversampled: Dataset) -> None:
-    catalogue = {"sensor_lag": CATALOGUE["sensor_lag"]}
-    data = replace(oversampled, records=oversampled.records[:2])
-    search = ModelSearch(data, catalogue, 1, 0, None, None)
-    state = search.base(replace(named_plant("P10"), effects=(Creep(), SensorLag())))
-    recorded = search._recorded
-    opening = recorded.openings["run"]
-    run, other = recorded.dataset.records
-    y_um = run.y_um.copy()
-    y_um[20_001] += 1.0  # an outlier that the search did not read
-    spoilt = replace(recorded.dataset, records=(replace(run, y_um=y_um), other))
-    spikes = Finding("spikes", "run", 1, "one outlier")
-    search._recorded = replace(recorded, dataset=spoilt, findings=(spikes,))
-    search._stated = setting_of(spoilt)
-    search._spared = {"run": search._openings["run"]}
-    search.read_all(state, state)
-    train = search.setting.train[0]
-    left_out = opening.copy()
-    left_out[20_001] = True
-    np.testing.assert_array_equal(train.error_mask, ~left_out)
-    kinds = [(f.kind, f.samples) for f in search.findings]
-    assert kinds == [("spikes", 1), ("in motion", opening.sum()), ("spikes", 1)]
-    assert search.searched.train[0].t_s.size < train.t_s.size
 
 
 def test_a_stretch_is_where_most_happens_and_knows_its_history() -> None:

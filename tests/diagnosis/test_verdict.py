@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.search.candidates import Setting
 from rdpi_gym.diagnosis.search.discover import discover
+from rdpi_gym.diagnosis.search.setting import Setting
 from rdpi_gym.diagnosis.search.verdict import NumericalFloor, held_about, judge, numerical_floor
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -118,34 +117,20 @@ def rows(damage: Callable[[Path], None] | None = None, stale: bool = False) -> J
 
 
 def candidates() -> Job:
-    """Finished candidates of a search, refitted where they are missing."""
-    import numpy as np
+    """Visited sets of a search, stage by stage, visited where they are missing."""
+    from tests.faults.sets import evidence, made, read_stages
 
-    from rdpi_gym.diagnosis.search.checkpoint import Checkpoint
-    from rdpi_gym.identification.jacobian import Variant
-    from rdpi_gym.identification.joint import JointFit
-    from rdpi_gym.measurement import Record
-    from rdpi_gym.plant import P5
-    from rdpi_gym.plant.effects import CATALOGUE
-
-    t, start = 1e-3 * np.arange(40), P5.hysteresis
-    record = Record("run", t, np.sin(t), 8.0 * np.sin(t), ts_s=1e-3)
-    fits = {
-        kind: JointFit(Variant(start, (kind(),)), len(name) / 7, (), {"δ2": math.pi}, 3, True)
-        for name, kind in CATALOGUE.items()
-        if name in ("creep", "sensor_lag", "delay")
-    }
+    found, here = made(), evidence()
 
     def work(folder: Path, most: int = 3) -> None:
-        checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
-        for kind, fit in list(fits.items())[:most]:
-            if checkpoint.get(start, (), kind) is None:
-                checkpoint.put(start, (), kind, None, fit)
+        from rdpi_gym.diagnosis.beam.checkpoint import Checkpoint
+
+        checkpoint = Checkpoint(folder / "candidates.jsonl", here)
+        for name, one in list(found.items())[:most]:
+            checkpoint.stage(name, {}, lambda one=one: [one])  # type: ignore[misc]
 
     def read(folder: Path) -> Any:
-        checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
-        found = {kind.name: checkpoint.get(start, (), kind) for kind in fits}
-        return {name: each for name, each in found.items() if each is not None}
+        return read_stages(folder / "candidates.jsonl", here)
 
     return Job("candidates of a search", lambda f: work(f, 1), work, read, _are_rows)
 

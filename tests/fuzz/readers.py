@@ -635,27 +635,18 @@ def packed_rows(stack: ExitStack) -> Reader:
 
 @reader("runs", "candidates", structured=100)
 def candidates(stack: ExitStack) -> Reader:
-    """Finished candidates of a search."""
-    from rdpi_gym.diagnosis.search.checkpoint import FORMAT, Checkpoint
-    from rdpi_gym.identification.jacobian import Variant
-    from rdpi_gym.identification.joint import JointFit
+    """Visited sets of a search."""
+    from rdpi_gym.diagnosis.beam.checkpoint import FORMAT, Checkpoint
+    from tests.faults.sets import evidence, made, read_stages
 
-    record = Record("run", T, np.sin(T), 8.0 * np.sin(T), ts_s=0.02)
-    kinds = [CATALOGUE[name] for name in ("creep", "resonance")]
-    start = P5.hysteresis
+    here = evidence()
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "candidates.jsonl"
-        checkpoint = Checkpoint(path, [record])
-        for kind in kinds:
-            fit = JointFit(Variant(start, (kind(),)), 0.1, ("a",), {"δ2": 0.1}, 3, True)
-            checkpoint.put(start, (), kind, None, fit)
+        checkpoint = Checkpoint(path, here)
+        for stage, one in made().items():
+            checkpoint.stage(stage, {}, lambda one=one: [one])  # type: ignore[misc]
         document = rows_document("candidates.jsonl", named_rows(path, FORMAT))
-
-    def read(folder: Path) -> Any:
-        checkpoint = Checkpoint(folder / "candidates.jsonl", [record])
-        return [checkpoint.get(start, (), kind) for kind in kinds]
-
-    return Reader([document], read)
+    return Reader([document], lambda folder: read_stages(folder / "candidates.jsonl", here))
 
 
 @cache

@@ -9,7 +9,7 @@ import numpy as np
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.kinds import KindComparison, KindFit, compare_kinds, explained
-from rdpi_gym.identification.residuals import PIECES
+from rdpi_gym.identification.residuals import PIECES, beats
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.bouc_wen import BoucWen
@@ -74,3 +74,12 @@ def test_a_record_that_no_kind_explains_as_the_others_is_left_out():
     ]
     assert [record.name for record in explained(made, [fit])] == ["a", "b", "c"]
     assert explained(made[2:], [fit]) == made[2:]
+
+
+def test_the_winner_is_better_in_the_share_of_draws():
+    rng = np.random.default_rng(0)
+    large, small = np.ones((2, PIECES)), 0.9 * np.ones((2, PIECES))
+    assert beats(large, small, rng) == 1.0
+    assert beats(small, large, rng) == 0.0
+    mixed = np.where(np.arange(2 * PIECES) % 2, 0.8, 1.2).reshape(2, PIECES)
+    assert 0.2 < beats(large, mixed, rng) < 0.8

@@ -11,8 +11,15 @@ from rdpi_gym.diagnosis.comparison.traces import residual_profiles, view_trace
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value
 from rdpi_gym.diagnosis.preprocessing import Finding
-from rdpi_gym.diagnosis.probability import Probabilities
-from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult, Step, View, steps_of
+from rdpi_gym.diagnosis.results import (
+    Candidate,
+    Errors,
+    Probabilities,
+    SearchResult,
+    Step,
+    View,
+    steps_of,
+)
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.measurement import Quantities
 from rdpi_gym.plant import P5

@@ -52,7 +52,6 @@ def test_a_search_prefers_no_other_core_where_rdpi_is_right(monkeypatch):
     assert (case.kind, case.effect, case.protocol) == ("rdpi", "", kind_choice.PROTOCOLS[1])
     row = kind_choice.run_quiet(case, "code")
     assert (row["status"], row["chosen"], row["told"]) == ("done", "rdpi", "rdpi")
-    assert not row["whole"]
     text = kind_choice.silence_report([row, row | {"chosen": "duhem", "told": "duhem"}], 1)
     assert "No other core is preferred on 1 of 2 plants" in text
     assert "names RDPI on 1, and lists it among those that it does not tell apart on 1." in text

@@ -28,8 +28,6 @@ Every number that does not come from the data stands in ``constants.TABLE``.
 
 Limits
 ------
-No command reaches this search yet; ``rdpi_gym.diagnosis.search`` is the one that is used.
-
 - Names, paired over 13 plants (``studies/results/one_law``): exact on 69 %, where today's search is on
   77; a wrong name on 15 %, where today's has one on 8; half of its processor time. Those rows are of an
   earlier state of this search.

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited
 from rdpi_gym.diagnosis.beam.search import Sets, visited_now
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.joint import JointFit, kept_samples
 from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.effects.unknown import Unknown
@@ -61,6 +62,8 @@ class Checkpoint:
         every: list[type[Effect]] = [Unknown, *CATALOGUE.values(), *offer.effects.values()]
         self._kinds = {(f.name, f.form): f for kind in every for f in forms_of(kind)}
         self._kinds |= {(effect.name, effect.form): type(effect) for effect in offer.kept}
+        parts = (evidence.train, evidence.validation)
+        self._sizes = [k.size for part in parts for k in kept_samples(part, FIT_SAMPLES)]
         self._own = "" if path is None else self._depends_on(seed)
 
     def stage(self, name: str, sets: Sets, make: Callable[[], list[Visited]]) -> list[Visited]:
@@ -121,8 +124,9 @@ class Checkpoint:
         given = {"variant": variant, "train_rmse_um": float(row["train_rmse_um"])}
         fit = PLAIN.read_fields(JointFit, row, source, given)
         lefts = [np.frombuffer(base64.b64decode(each), dtype=np.float64) for each in row["lefts"]]
-        if not all(np.isfinite(left).all() for left in lefts):
-            raise InputError(f"{source}: what it leaves is not finite")
+        sizes = [left.size for left in lefts if np.isfinite(left).all()]
+        if sizes != self._sizes:
+            raise InputError(f"{source}: what it leaves is of other records")
         parent = None if row["parent"] is None else tuple(row["parent"])
         model = Model(variant.hysteresis, variant.effects, clocks)
         one = Visited(model, fit, tuple(lefts), parent, tried=int(row["tried"]))

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from rdpi_gym.diagnosis.beam.constants import FOUND
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
 from rdpi_gym.diagnosis.beam.grades import Name, names_of
@@ -18,11 +16,17 @@ from rdpi_gym.diagnosis.beam.search import Beam, Scores
 from rdpi_gym.diagnosis.checks import run_checks
 from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.preprocessing import Finding
-from rdpi_gym.diagnosis.probability import COVERED, Probabilities
-from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors, Kind, share_of_excess
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, evidence_of, of_effect
+from rdpi_gym.diagnosis.results import (
+    Candidate,
+    CoreChoice,
+    Errors,
+    Kind,
+    Probabilities,
+    share_of_excess,
+)
 from rdpi_gym.diagnosis.search.conclusion import Ending, as_it_is
 from rdpi_gym.diagnosis.search.plants import in_few_numbers, kind_experiment
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, evidence_of, of_effect
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.diagnosis.suitability import close_up, limits, unrelated
 from rdpi_gym.diagnosis.words import template, text_of
@@ -106,8 +110,9 @@ def ended(
     progress: Progress = silent,
     removed: tuple[str, ...] = (),
     notes: tuple[str, ...] = (),
+    failed: Sequence[Candidate] = (),
 ) -> Ending:
-    """Return what a beam ends with, its models judged on all samples."""
+    """Return what a beam ends with, its models judged on all samples; `failed` are ranked last."""
     evidence, best = course.evidence, course.best
     clocks = best.model.clocks
     whole, searched = evidence.in_full, _setting(evidence.mended(clocks))
@@ -130,6 +135,7 @@ def ended(
         )
     base = judged(whole, course.way[0])
     added = _steps(course, whole, law, base, noise_um)
+    records = list({r.name: r for r in (*whole.train, *whole.validation)}.values())
     turned = (template("turned"),) if evidence.sign < 0.0 else ()
     discovered = kind == "discovery"
     return Ending(
@@ -154,10 +160,10 @@ def ended(
         findings=evidence.findings,
         core=_core(course),
         added=added,
-        rounds=_rounds(course, whole, added, noise_um),
+        rounds=_rounds(course, whole, added, noise_um, failed),
         last=[c for c in added if c.errors is added[-1].errors],
         probabilities=_probabilities(course) if discovered else None,
-        clocks=tuple(_finding(clock, whole) for clock in clocks),
+        clocks=tuple(clock_finding(clock, records) for clock in clocks),
         undecided=unrelated(evidence.train),
         reads_fewer=evidence.reads_fewer,
         removed=removed,
@@ -194,10 +200,14 @@ def _steps(
 
 
 def _rounds(
-    course: Course, whole: Evidence, added: Sequence[Candidate], noise_um: float
+    course: Course,
+    whole: Evidence,
+    added: Sequence[Candidate],
+    noise_um: float,
+    failed: Sequence[Candidate],
 ) -> tuple[tuple[Candidate, ...], ...]:
     """Return for each set on the way the effects that were refitted beside it, those added first."""
-    found = []
+    found = list[tuple[Candidate, ...]]()
     for one in course.way:
         before = judged(whole, one).errors
         tried = []
@@ -209,7 +219,8 @@ def _rounds(
         errors = next((c.errors for c in added if c.effect not in have), None)
         chosen = [c for c in added if c.errors is errors]
         names = {c.effect for c in chosen}
-        found.append((*chosen, *(c for c in tried if c.effect not in names)))
+        others = [c for c in tried if c.effect not in names]
+        found.append((*chosen, *others, *(() if found else failed)))
     return tuple(each for each in found if each)
 
 
@@ -235,6 +246,7 @@ def _candidate(
         indistinguishable=instead,
         evidence=evidence_of(before, after, kinds[name].signature),
         remarks=tuple(remarks),
+        grade="" if own is None else own.grade,
     )
     return of_effect(candidate, fit, name) if name in effects else candidate
 
@@ -269,7 +281,7 @@ def _probabilities(course: Course) -> Probabilities:
         groups,
         sum(course.weights[one.key] for one in bare),
         course.weight_of(Unknown.name),
-        tuple(n for n, p in effects.items() if p >= 1.0 - COVERED),
+        tuple(n for n, p in effects.items() if p >= 1.0 - FOUND),
     )
 
 
@@ -292,27 +304,22 @@ def _core(course: Course) -> CoreChoice:
     return CoreChoice(kind, tuple(alike), min(held, 1.0), text, clockwise, advice)
 
 
-def _finding(clock: Clock, evidence: Evidence) -> Finding:
-    """Say what is wrong with the clock of a record, or of all."""
-    records: dict[str, Record] = {r.name: r for r in (*evidence.train, *evidence.validation)}
-    record = records.get(clock.record, next(iter(records.values())))
-    ts_s, value = record.ts_s, clock.value
+def clock_finding(clock: Clock, records: Sequence[Record]) -> Finding:
+    """Say what is wrong with the clock of one of some records, or of all."""
+    own = [r for r in records if clock.record in ("", r.name)]
+    name, ts_s, value = clock.record, own[0].ts_s, clock.value
     if clock.kind == "step":
+        right = ts_s * math.exp(value)
         text = statement(
-            "clock/scale", record=record.name, factor=math.exp(-value),
-            right=ts_s * math.exp(value), written=ts_s,
-        )  # fmt: skip
-        advice = Notice(Code.SAMPLING_TIME, (record.name,))
+            "clock/scale", record=name, factor=math.exp(-value), right=right, written=ts_s
+        )
+        advice = Notice(Code.SAMPLING_TIME, (name,))
     elif clock.kind == "delay":
         way = "clock/record lags" if value > 0.0 else "clock/record leads"
         shift_ms, samples = 1e3 * abs(value), abs(value) / ts_s
-        text = statement(way, record=record.name, shift_ms=shift_ms, samples=samples)
-        advice = Notice(Code.TRIGGER, (record.name,))
+        text = statement(way, record=name, shift_ms=shift_ms, samples=samples)
+        advice = Notice(Code.TRIGGER, (name,))
     else:
-        of = clock.record or "all records"
-        text, advice = (
-            statement("clock/skew", of=of, late_ms=1e3 * value),
-            Notice(Code.ONE_CLOCK),
-        )
-    samples_of = int(np.sum([r.t_s.size for r in records.values() if clock.record in ("", r.name)]))
-    return Finding("clock", clock.record, samples_of, text, advice)
+        of = name or "all records"
+        text, advice = statement("clock/skew", of=of, late_ms=1e3 * value), Notice(Code.ONE_CLOCK)
+    return Finding("clock", name, sum(r.t_s.size for r in own), text, advice)

@@ -19,8 +19,7 @@ from rdpi_gym.diagnosis.features.noise import (
     slowness,
 )
 from rdpi_gym.diagnosis.notices import Statement
-from rdpi_gym.diagnosis.preprocessing import Finding, inspect
-from rdpi_gym.diagnosis.search.record_clocks import unknown_past
+from rdpi_gym.diagnosis.preprocessing import Finding, inspect, unknown_past
 from rdpi_gym.diagnosis.suitability import falls, thinned, turned
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation

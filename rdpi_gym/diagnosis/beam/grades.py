@@ -190,7 +190,7 @@ def names_of(beam: Beam, scores: Scores, best: Visited) -> tuple[Name, ...]:
         if name == Unknown.name:
             continue
         having = [k for k, each in enumerate(members) if name in each]
-        probability = float(mean[having].sum())
+        probability = min(float(mean[having].sum()), 1.0)
         top = scores.sets[max(having, key=lambda k: mean[k])]
         form = next((e.form for e in top.model.effects if e.name == name), "")
         grade: Grade = ""

@@ -34,6 +34,7 @@ from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
@@ -67,6 +68,8 @@ def begun(evidence: Evidence) -> Visited:
         core = None if fit is None else fit.variant.hysteresis
     found = None if core is None else refitted(evidence, Model(core, kept))
     if found is None:
+        if core is not None:
+            fit_joint(evidence.train, core, kept, 1)  # it says why
         raise InputError(f"no {kind.name} model can be fitted to the records")
     return found
 

@@ -11,7 +11,7 @@ import numpy as np
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value, experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import SAMPLES, Tried, learn, shares, try_all
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.measurement import Record

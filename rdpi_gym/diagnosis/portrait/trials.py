@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess, attempt
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, attempt
 from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
@@ -40,7 +40,7 @@ def learn(
         first = [
             fit_joint(
                 setting.train, hysteresis, effects, _FIRST_PASSES, held=held,
-                samples=_FIRST_SAMPLES, smoothness=setting.smoothness,
+                samples=_FIRST_SAMPLES,
             )
             for effects in fields
         ]  # fmt: skip

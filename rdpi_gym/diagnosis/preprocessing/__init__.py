@@ -60,6 +60,16 @@ class Inspected:
         return tuple(f.sentence for f in self.findings if f.kind != "in motion")
 
 
+def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
+    """Say which openings were left out, and why."""
+    samples = sum(int(mask.sum()) for mask in openings.values())
+    whole = sum(mask.size for mask in openings.values())
+    names = list(openings)
+    text = statement("unknown past", samples=samples, whole=whole, records=joined_records(names))
+    name = names[0] if len(names) == 1 else ""
+    return Finding("in motion", name, samples, text, Notice(Code.BEGIN_AFTER_CYCLE))
+
+
 def inspect(dataset: Dataset) -> Inspected:
     """Look for what is no measurement: spikes, dropouts, clipping, clocks that part."""
     looked = {r.name: r for r in dataset.records if r.role != "test" and r.t_s.size >= _FEWEST}

@@ -17,22 +17,22 @@ from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.drawing import draw
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.preprocessing import Finding
-from rdpi_gym.diagnosis.probability import Probabilities
 from rdpi_gym.diagnosis.results import (
     Candidate,
     CoreChoice,
     Errors,
     Kind,
     Left,
+    Probabilities,
     SearchResult,
     View,
     steps_of,
 )
-from rdpi_gym.diagnosis.search.candidates import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.other_inputs import other_inputs, said_of
 from rdpi_gym.diagnosis.search.plants import on_comb, plant_of
 from rdpi_gym.diagnosis.search.residual_share import FOUND, remainder
 from rdpi_gym.diagnosis.search.separability import separability, typical_effects, what_to_measure
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.verdict import Judgement, NumericalFloor, judge
 from rdpi_gym.diagnosis.words import in_words, template, text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
@@ -228,8 +228,7 @@ def portrayed(
     core, effects = fit.variant.hysteresis, fit.variant.effects
     try:
         fitted = setting.fit(on_comb(core, setting.train), effects).variant
-        # smooth weights are those of the whole comb
-        plays = fitted.hysteresis if setting.smoothness else fitted.hysteresis.pruned()
+        plays = fitted.hysteresis.pruned()
         typical = typical_effects(catalogue, setting.scale)
         kin = {c.effect: typical[c.effect] for c in nearest if c.effect in typical}
         forms = learn_forms(setting, plays, fitted.effects, Unknown, progress)

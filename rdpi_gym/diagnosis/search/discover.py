@@ -4,71 +4,54 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rdpi_gym.diagnosis.beam.checkpoint import Checkpoint
+from rdpi_gym.diagnosis.beam.constants import LEVEL
+from rdpi_gym.diagnosis.beam.decision import chances
+from rdpi_gym.diagnosis.beam.ending import Course, ended, judged
+from rdpi_gym.diagnosis.beam.evidence import Evidence, Offer
+from rdpi_gym.diagnosis.beam.expansion import offered, with_free_blocks
+from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
+from rdpi_gym.diagnosis.beam.moves import Place
+from rdpi_gym.diagnosis.beam.search import (
+    Beam,
+    OnVisited,
+    Scores,
+    begun,
+    best_of,
+    searched,
+    visited_now,
+)
+from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.portrait import Portrait
+from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect
-from rdpi_gym.diagnosis.results import Candidate, CoreChoice, Errors, SearchResult
-from rdpi_gym.diagnosis.search.candidates import assess
-from rdpi_gym.diagnosis.search.conclusion import nearest_of, portrayed
-from rdpi_gym.diagnosis.search.history import History, conclude
-from rdpi_gym.diagnosis.search.model_search import ModelSearch
-from rdpi_gym.diagnosis.search.plants import OnCandidate, Refit, refit_of
-from rdpi_gym.diagnosis.search.ranking import Ranked
-from rdpi_gym.diagnosis.search.refitting import State, setting_of
+from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
+from rdpi_gym.diagnosis.search.conclusion import conclude, nearest_of, portrayed
+from rdpi_gym.diagnosis.search.plants import AUTO, OnCandidate, Refit, refit_of
+from rdpi_gym.diagnosis.search.setting import Setting, assess
 from rdpi_gym.diagnosis.suitability import falls, turned
 from rdpi_gym.diagnosis.words import in_words, template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import NO_FIT, JointFit
+from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset
-from rdpi_gym.plant import RDPI, PlantModel
+from rdpi_gym.plant import CORES, RDPI, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE, Effect
+from rdpi_gym.plant.effects.base import forms_of, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.progress import Progress
-
-# More effects than this are not a model but a collection; a round adds one or betters its form.
-MOST_EFFECTS, MOST_ROUNDS = 4, 8
-# Noise floors from which on another beginning is tried, and what it has to leave of the error.
-_UNEXPLAINED_FLOORS, _CLEARLY_BETTER = 1.5, 0.6
-
-Notes = tuple[str, ...]
-
-
-def diagnose(
-    dataset: Dataset,
-    given: PlantModel[Any] | None = None,
-    *,
-    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
-    jobs: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    core: str | None = None,
-    on_candidate: OnCandidate | None = None,
-) -> SearchResult:
-    """Refit every candidate effect with the base model and rank them on validation records."""
-    began = time.perf_counter()
-    search = ModelSearch(dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate)
-    base = search.base(given)
-    ranked = search.ranked(base)
-    base, chosen = _chosen(search, base, base, ranked)
-    ranked = _chosen_first([r.candidate for r in chosen], ranked)
-    end = search.after(base, chosen)
-    end, notes = search.on_law(end, given)
-    recommended = [replace(r.candidate, errors=end.outcome.errors) for r in chosen]
-    added = [search.final(end, candidate) for candidate in recommended]
-    history = History(
-        began, "diagnosis", given, base, end, added=added, rounds=[ranked], last=chosen, notes=notes
-    )
-    return conclude(search, history)
+from rdpi_gym.support.parallel import Pool
+from rdpi_gym.support.progress import Progress, silent
+from rdpi_gym.support.words import joined
 
 
 def discover(
@@ -83,204 +66,68 @@ def discover(
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
-    """Add effects until nothing more is earned, then try to take each out again.
+    """Run the beam to its end.
 
     Parameters are those of :func:`diagnose`.
     """
     began = time.perf_counter()
-    search = ModelSearch(dataset, catalogue, jobs, seed, progress, checkpoint, core, on_candidate)
-    without_base = copy(search)
-    base = search.base(given)
-    fresh = copy(search)
-    stage, notes = _alternated(search, SearchState(base, base), given)
-    other = _alternative_start(stage, search)
-    if other is not None:
-        begun = _starting_with(fresh, base, other, stage.rounds[0])
-        second, its_notes = _alternated(fresh, begun, given)
-        if second.state.outcome.mean_square < _CLEARLY_BETTER * stage.state.outcome.mean_square:
-            search, stage, notes = fresh, second, its_notes
-    chosen = search.other_core(stage.state)
-    afresh = None if chosen is None else _starting_on(without_base, chosen, search)
-    if chosen is not None and afresh is not None:
-        second, its_notes = _alternated(without_base, afresh, given)
-        if search.gives_way(stage.state, second.state):
-            search, stage, notes = without_base, second, its_notes
-        else:
-            notes = (*notes, search.left_by(chosen, stage.state, second.state))
-    state, rounds = stage.state, list(stage.rounds)
-    sure = search.sure(state, stage.added, stage.rivals)
-    state, unstable = search.less_sure(state, sure)
-    state, merged = search.merge(state, [c.effect for c in sure if c.effect not in unstable])
-    unstable = (*unstable, *merged)
-    added = [c for c in sure if c.effect not in unstable]
-    tried = [r.candidate for r in rounds[0]] if rounds else []
-    state, improbable, why = search.improbable(stage.base, state, added, tried)
-    added = [c for c in added if c.effect not in improbable]
-    if rounds:  # what was taken out again does not lead the ranking
-        rounds[0] = _chosen_first(added, rounds[0])
-    if added:  # the last step ends at the model that is saved
-        end = added[-1].errors
-        added = [replace(c, errors=state.outcome.errors) if c.errors is end else c for c in added]
-    history = History(
-        began,
-        "discovery",
-        given,
-        stage.base,
-        state,
-        added=[search.final(state, candidate) for candidate in added],
-        rounds=rounds,
-        last=stage.last,
-        states=stage.states,
-        removed=(*stage.removed, *unstable, *improbable),
-        notes=(*notes, *why),
-    )
-    return conclude(search, history)
-
-
-def _alternated(
-    search: ModelSearch, stage: SearchState, given: PlantModel[Any] | None
-) -> tuple[SearchState, Notes]:
-    """Add effects until nothing more is earned and none takes the place of another; with remarks."""
-    while True:
-        stage = _forward_selection(search, stage)
-        before = {c.effect for c in stage.added}
-        stage, notes = _backward_elimination(search, stage, given)
-        # with another effect in the place of one, what is missing beside it may show
-        swapped = {c.effect for c in stage.added} - before
-        if not swapped or len(stage.rounds) >= MOST_ROUNDS or search.at_floor(stage.state):
-            return stage, notes
-        stage = replace(stage, state=search.on_whole_comb(stage.state))
-
-
-def _starting_on(fresh: ModelSearch, core: CoreChoice, search: ModelSearch) -> SearchState | None:
-    """Return the way that begins with another core; None, with a remark, where it has no fit."""
-    try:
-        base = fresh.base_of(core)
-    except NO_FIT as error:
-        search.say(template("core left out", core=core.kind, error=error))
-        return None
-    return SearchState(base, base)
-
-
-def _alternative_start(stage: SearchState, search: ModelSearch) -> Ranked | None:
-    """Return what else could have come first, where what came leads nowhere."""
-    left = stage.state.outcome.mean_square
-    if not stage.rounds or left <= _UNEXPLAINED_FLOORS**2 * search.noise_um**2:
-        return None
-    if search.at_floor(stage.state):
-        return None
-    gone = {c.effect for c in stage.added} | {r.candidate.effect for r in stage.rounds[0][:1]}
-    others = [r for r in stage.rounds[0] if r.earned and r.candidate.effect not in gone]
-    return max(others, key=lambda r: r.worth, default=None)
-
-
-def _starting_with(
-    search: ModelSearch, base: State, first: Ranked, ranked: Sequence[Ranked]
-) -> SearchState:
-    """Return the way that begins with a candidate of the first round."""
-    state = search.after(base, [first])
-    step = replace(first.candidate, errors=state.outcome.errors)
-    return SearchState(
-        base, state, (step,), (_chosen_first([step], ranked),),
-        {step.effect: search.rivals(base, first.candidate, ranked)}, [first], (state,),
+    evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
+    seen, kept = _told(evidence, given, on_candidate), Checkpoint(checkpoint, evidence, seed)
+    beam, scores, best = searched(evidence, jobs, seed, progress, seen, kept.stage)
+    course = Course(beam.evidence, beam, scores, best)
+    ending = ended(
+        course, kind="discovery", began=began, given=given, seed=seed, pool=Pool(jobs),
+        progress=progress or silent, notes=kept.remarks,
     )  # fmt: skip
+    return conclude(ending)
 
 
-@dataclass(frozen=True)
-class SearchState:
-    """State of a discovery."""
-
-    # The base model, and the model with all that was added
-    base: State
-    state: State
-    added: tuple[Candidate, ...] = ()  # what was added, in order
-    rounds: tuple[list[Ranked], ...] = ()  # the candidates of each round
-    # By effect that was added, what came close to it
-    rivals: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
-    last: Sequence[Ranked] = ()  # of the candidates, those of the last new effect
-    states: tuple[State, ...] = ()  # the models that steps ended at
-    removed: tuple[str, ...] = ()  # what was taken out again
-
-
-def _forward_selection(search: ModelSearch, stage: SearchState) -> SearchState:
-    """Add effects, or better forms of what is there, until nothing more is earned."""
-    base, state, last = stage.base, stage.state, stage.last
-    added, rounds, rivals = list(stage.added), list(stage.rounds), dict(stage.rivals)
-    states = list(stage.states)
-    while len(rounds) < MOST_ROUNDS and len(added) < MOST_EFFECTS:
-        if search.at_floor(state):
+def diagnose(
+    dataset: Dataset,
+    given: PlantModel[Any] | None = None,
+    *,
+    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    core: str | None = None,
+    on_candidate: OnCandidate | None = None,
+) -> SearchResult:
+    """Refit the base model with each effect alone, and rank them."""
+    began = time.perf_counter()
+    evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
+    seen, report = _told(evidence, given, on_candidate), progress or silent
+    beam, pool = Beam(evidence, seed, seen), Pool(jobs)
+    kept = Checkpoint(checkpoint, evidence, seed)
+    base = beam.begin(kept.stage)
+    names = [n for n in evidence.offer.effects if n not in base.model.names]
+    make = partial(with_each, evidence, base, names, pool, report, seen)
+    found = kept.stage("effects alone", beam.visited, make)
+    known = frozenset[str]().union(*(one.model.names for one in found))
+    kinds = (kind for name, kind in evidence.offer.effects.items() if name in names)
+    failed = [_failed(evidence, base, kind) for kind in kinds if kind.name not in known]
+    for each in failed:
+        if on_candidate is None:
             break
-        ranked = search.ranked(state)
-        base, chosen = _chosen(search, base, state, ranked)
-        rounds.append(_chosen_first([r.candidate for r in chosen], ranked))
-        if not chosen:
-            break
-        have = {effect.name for effect in state.effects}
-        new = [r for r in chosen if r.candidate.effect not in have]
-        for r in new:
-            rivals[r.candidate.effect] = search.rivals(state, r.candidate, ranked)
-        before, state = state, search.after(state, chosen)
-        if new:
-            last = chosen
-        else:  # a better form belongs to the step that is last
-            added = _with_new_errors(added, before, state)
-        added += [replace(r.candidate, errors=state.outcome.errors) for r in new]
-        spared = search.past_outliers(search.past_openings(state))
-        if spared is not state:
-            added = _with_new_errors(added, state, spared)
-            base, state = search.again(base), spared
-        states.append(state)
-    return replace(
-        stage,
-        states=tuple(states),
-        base=base,
-        state=state,
-        added=tuple(added),
-        rounds=tuple(rounds),
-        rivals=rivals,
-        last=last,
-    )
-
-
-def _chosen(
-    search: ModelSearch, base: State, state: State, ranked: Sequence[Ranked]
-) -> tuple[State, list[Ranked]]:
-    """Return what to add, and the base model as it is judged from here on."""
-    setting = search.setting
-    chosen = search.choose(state, ranked)
-    if search.setting is not setting:
-        base = search.again(base)
-        search.seen(base.outcome)
-    return base, chosen
-
-
-def _backward_elimination(
-    search: ModelSearch, stage: SearchState, given: PlantModel[Any] | None
-) -> tuple[SearchState, Notes]:
-    """Take out what is not needed, and try rivals in the place of what is left; with remarks."""
-    state, recalled = search.recall(stage.state)
-    added = [*stage.added, *recalled]
-    state, removed = search.eliminate(state, [c.effect for c in added])
-    state, merged = search.merge(state, [c.effect for c in added if c.effect not in removed])
-    removed = (*removed, *merged)
-    state, simpler = search.simplify(state)
-    state, notes = search.on_law(state, given)
-    kept = [c for c in added if c.effect not in removed]
-    state, settled = search.settle(state, kept, stage.rivals)
-    stage = replace(stage, state=state, added=tuple(settled), removed=(*stage.removed, *removed))
-    return stage, (*simpler, *notes)
-
-
-def _chosen_first(chosen: Sequence[Candidate], ranked: Sequence[Ranked]) -> list[Ranked]:
-    """Return a ranking with what was chosen on top: held-out error alone does not choose."""
-    place = {candidate.effect: k for k, candidate in enumerate(chosen)}
-    return sorted(ranked, key=lambda r: place.get(r.candidate.effect, len(place)))
-
-
-def _with_new_errors(added: list[Candidate], before: State, after: State) -> list[Candidate]:
-    """Return the steps, those that ended at one model now ending at another."""
-    end = before.outcome.errors
-    return [replace(c, errors=after.outcome.errors) if c.errors is end else c for c in added]
+        on_candidate(Refit(each.effect, "", None, each.errors, {}, {}, remark=each.remarks[0]))
+    beam.add(found)
+    beam.accept(found, beam.scored())
+    scores = beam.scored()
+    best = best_of(beam, scores)
+    if not scores.is_at_floor(best):
+        blocks = partial(with_free_blocks, evidence, best, pool)
+        beam.add(kept.stage("free blocks", beam.visited, blocks))
+        scores = beam.scored()
+    ending = ended(
+        Course(evidence, beam, scores, best), kind="diagnosis", began=began, given=given, seed=seed,
+        pool=pool, progress=report, notes=kept.remarks, failed=failed,
+    )  # fmt: skip
+    if on_candidate is not None and len(ending.added) == 1:
+        (added,) = ending.added
+        end = replace(ending.end, effect=added.effect, form=added.form)
+        on_candidate(refit_of(ending.setting, end, given))
+    return conclude(ending)
 
 
 def add_effect(
@@ -295,39 +142,50 @@ def add_effect(
     core: str | None = None,
     on_candidate: OnCandidate | None = None,
 ) -> SearchResult:
-    """Add one effect because the user says so, earned or not, and refit everything."""
+    """Add one effect because the user says so, better or not, and refit everything."""
     began = time.perf_counter()
     if any(effect.name == kind.name for effect in given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
-    search = ModelSearch(
-        dataset, {kind.name: kind}, jobs, seed, progress, checkpoint, core, on_candidate
-    )
-    base = search.base(given)
-    if not search.catalogue:
+    evidence = Evidence.of(dataset, offer_of({kind.name: kind}, given, core))
+    report, pool = progress or silent, Pool(jobs)
+    beam = Beam(evidence, seed, _told(evidence, given, on_candidate))
+    kept = Checkpoint(checkpoint, evidence, seed)
+    base = beam.begin(kept.stage)
+    if not any(form.fits_in(type(base.model.core)) for form in forms_of(kind)):
         raise InputError(
             f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
-            f"{search.core.kind}; choose another effect"
+            f"{base.model.core.name}; choose another effect"
         )
-    found = search.learned(base, kind) if kind.on_request else search.ranked(base)
-    ranked = [r for r in found if r.candidate.effect == kind.name]
-    search.need(ranked, kind)
-    state = search.after(base, ranked[:1])
-    state, notes = search.on_law(state, given)
-    if not ranked[0].earned:
-        notes = (template("on request", effect=kind.name), *notes)
-    candidate = replace(ranked[0].candidate, errors=state.outcome.errors)
-    history = History(
-        began,
-        "addition",
-        given,
-        base,
-        state,
-        added=[search.final(state, candidate)],
-        rounds=[ranked],
-        last=ranked[:1],
-        notes=notes,
-    )
-    return conclude(search, history)
+    make = partial(with_each, evidence, base, [kind.name], pool, report)
+    if kind.on_request:
+        make = partial(_learned, evidence, base, kind, report)
+    found = kept.stage("effect", beam.visited, make)
+    if not found:
+        raise InputError(f"{kind.name}: {_failed(evidence, base, kind).remarks[0]}")
+    beam.add(found)
+    scores = beam.scored()
+    beam.accept(found, scores)
+    best = _simplest(found, scores)
+    asked = () if best.key in beam.accepted else (template("on request", effect=kind.name),)
+    ending = ended(
+        Course(evidence, beam, scores, best), kind="addition", began=began, given=given, seed=seed,
+        pool=pool, progress=report, notes=(*kept.remarks, *asked),
+    )  # fmt: skip
+    return conclude(ending)
+
+
+def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:
+    """Take an effect out of a model because the user says so, and refit everything."""
+    began = time.perf_counter()
+    names = [effect.name for effect in given.effects]
+    if name not in names:
+        raise InputError(f"the model has no effect {name!r}; it has {', '.join(names) or 'none'}")
+    kept = replace(given, effects=tuple(e for e in given.effects if e.name != name))
+    evidence = Evidence.of(dataset, offer_of(CATALOGUE, kept, None))
+    beam = Beam(evidence)
+    base = beam.begin(visited_now)
+    course = Course(evidence, beam, beam.scored(), base)
+    return conclude(ended(course, kind="removal", began=began, given=given, removed=(name,)))
 
 
 def portray(
@@ -341,35 +199,136 @@ def portray(
     """Draw the portrait of what a model misses, whatever the verdict on it."""
     if given is not None and any(effect.name == Unknown.name for effect in given.effects):
         raise InputError(f"the model has {Unknown.name} already; portray the model without it")
-    search = ModelSearch(dataset, CATALOGUE, 1, seed, progress, None)
-    base = search.base(given)
-    nearest = nearest_of(ranked, base.effects)
-    drawn, _ = portrayed(
-        search.searched, base.fit, search.catalogue, nearest, seed, search.progress
-    )
+    evidence = Evidence.of(dataset, offer_of(CATALOGUE, given, None))
+    base = begun(evidence)
+    setting = Setting(evidence.train, evidence.validation, evidence.scale)
+    nearest = nearest_of(ranked, base.model.effects)
+    drawn, _ = portrayed(setting, base.fit, CATALOGUE, nearest, seed, progress or silent)
     return in_words(drawn, dataset.quantities)
 
 
-def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:
-    """Take an effect out of a model because the user says so, and refit everything."""
-    began = time.perf_counter()
-    names = [effect.name for effect in given.effects]
-    if name not in names:
-        raise InputError(f"the model has no effect {name!r}; it has {', '.join(names) or 'none'}")
-    kept = replace(given, effects=tuple(e for e in given.effects if e.name != name))
-    search = ModelSearch(dataset, CATALOGUE, 1, 0, None, None)
-    base = search.base(kept)
-    state, notes = search.on_law(base, kept)
-    history = History(
-        began,
-        "removal",
-        given,
-        base,
-        state,
-        removed=(name,),
-        notes=notes,
+def offer_of(
+    catalogue: Mapping[str, type[Effect]], given: PlantModel[Any] | None, core: str | None
+) -> Offer:
+    """Return the moves that are offered beside a given model, with a kind of core where one is asked for."""
+    kept = () if given is None else given.effects
+    if core == AUTO:
+        return Offer(catalogue, begins_with_all=True, kept=kept)
+    if core is None and given is None:
+        return Offer(catalogue)
+    kind = CORES[given.hysteresis.name if core is None and given is not None else str(core)]
+    wrong = [e.name for e in kept if not type(e).fits_in(kind)]
+    if wrong:
+        raise InputError(
+            f"the model has {joined(wrong)}, which only the core {RDPI.name} has; take it out, "
+            f"or leave out --core {kind.name}"
+        )
+    fitting = {n: k for n, k in catalogue.items() if any(f.fits_in(kind) for f in forms_of(k))}
+    return Offer(fitting or catalogue, (kind,), kind, kept=kept)
+
+
+def with_each(
+    evidence: Evidence,
+    base: Visited,
+    names: Sequence[str],
+    pool: Pool,
+    report: Progress = silent,
+    seen: OnVisited | None = None,
+) -> list[Visited]:
+    """Return the set with each of some effects, in the form and from the start that gains most."""
+    signatures = offered(evidence, base)
+    done = 0
+
+    def heard(one: Visited | None) -> None:
+        nonlocal done
+        done += 1
+        report("candidates", done, len(names))
+        if one is not None and seen is not None:
+            seen(one)
+
+    report("candidates", 0, len(names))
+    found = pool.map(partial(_with_one, evidence, base, signatures), names, heard)
+    return [one for one in found if one is not None]
+
+
+def _with_one(
+    evidence: Evidence, base: Visited, signatures: Sequence[Signature], name: str
+) -> Visited | None:
+    kind = evidence.offer.effects[name]
+    only = replace(evidence, offer=replace(evidence.offer, effects={name: kind}))
+    place = Place(only, base.model, [each for each in signatures if each.start.name == name])
+    starts = place.additions() or [(start,) for start in kind.starts(evidence.scale)[:1]]
+    looks = [look for each in starts if (look := place.look_at(each)) is not None]
+    if not looks:
+        return None
+    best = min(looks, key=lambda look: sum(float(left @ left) for left in look.lefts))
+    one = refitted(evidence, best.model, base.key)
+    if one is None:
+        return None
+    linear = Linear(evidence, Variant(base.model.core, base.model.effects))
+    ghosts, tried = linear.with_phantoms(one.model, [name]), len(evidence.offer.effects)
+    return replace(one, ghosts=ghosts, new=(name,), tried=tried)
+
+
+def _failed(evidence: Evidence, base: Visited, kind: type[Effect]) -> Candidate:
+    """Return an effect of which no refit came about, with the reason."""
+    effects = in_chain_order([*base.model.effects, kind.starts(evidence.scale)[0]])
+    reason = "no start leads to a fit"
+    # a user's effect may raise anything; what else ours raises is a fault of the program
+    caught = NO_FIT if kind.name in CATALOGUE else (Exception,)
+    try:
+        fit_joint(evidence.train, base.model.core, effects, 1)
+    except caught as error:
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+    remark, nowhere = (
+        template("not converged", reason=reason),
+        Errors(math.inf, math.inf, math.inf, {}),
     )
-    return conclude(search, history)
+    return Candidate(kind.name, nowhere, {}, {}, 0.0, -math.inf, (), remark, (remark,))
+
+
+def _learned(
+    evidence: Evidence, base: Visited, kind: type[Effect], report: Progress
+) -> list[Visited]:
+    """Refit every form of a block that records teach."""
+    model = base.model
+    setting = Setting(evidence.train, evidence.validation, evidence.scale)
+    fits = [o.fit for o in learn_forms(setting, model.core, model.effects, kind, report)]
+    models = [Model(f.variant.hysteresis, f.variant.effects) for f in fits if f is not None]
+    found = [refitted(evidence, each, base.key) for each in models]
+    return [one for one in found if one is not None]
+
+
+def _simplest(found: Sequence[Visited], scores: Scores) -> Visited:
+    """Return the first form that is not worse than the best one by the one decision."""
+    table = np.array([scores.of(one) for one in found])
+    lost = chances(
+        table - table[int(np.argmin(table.mean(axis=1)))], np.zeros(len(found)), scores.draws
+    )
+    return found[int(np.argmax(lost >= LEVEL))]
+
+
+def _told(
+    evidence: Evidence, given: PlantModel[Any] | None, on_candidate: OnCandidate | None
+) -> Callable[[Visited], None] | None:
+    """Return what tells whoever watches of a set: of the base, and of each effect beside another."""
+    if on_candidate is None:
+        return None
+    whole = evidence.in_full
+    before: dict[tuple[str, ...], frozenset[str]] = {}
+
+    def told(one: Visited) -> None:
+        if one.key in before:
+            return
+        before[one.key] = one.model.names
+        known = frozenset() if one.parent is None else before.get(one.parent, frozenset())
+        effects = [e.name for e in one.model.effects if not evidence.offer.is_kept(e.name)]
+        new = [name for name in effects if name not in known]
+        if one.parent is None or new:
+            setting = Setting(whole.train, whole.validation, whole.scale)
+            on_candidate(refit_of(setting, judged(whole, one, *new[:1]), given))
+
+    return told
 
 
 @dataclass(frozen=True)
@@ -419,7 +378,8 @@ class Inspection:
         self.findings: tuple[Finding, ...] = inspected.findings
         self._recorded = dataset
         self._inspected = {record.name: record for record in inspected.dataset.records}
-        self._setting = setting_of(inspected.dataset)
+        train, validation = inspected.dataset.train, inspected.dataset.validation
+        self._setting = Setting(train, validation, data_scale((*train, *validation)))
 
     def respond(self, model: PlantModel[Any]) -> Response:
         """Simulate a model on every record, as fast as a search does.

@@ -11,7 +11,7 @@ import numpy as np
 
 from rdpi_gym.diagnosis.notices import Code, Notice
 from rdpi_gym.diagnosis.results import Verdict
-from rdpi_gym.diagnosis.search.candidates import Setting
+from rdpi_gym.diagnosis.search.setting import Setting
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.joint import NO_FIT, fit_joint
 from rdpi_gym.measurement import Record

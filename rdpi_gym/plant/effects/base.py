@@ -564,18 +564,6 @@ def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(sorted(effects, key=lambda effect: (SLOTS.index(effect.slot), effect.order)))
 
 
-def kin_of(kinds: Mapping[str, type[Effect]]) -> dict[str, frozenset[str]]:
-    """Return, by effect, those that are mistaken for it or that it is mistaken for."""
-    return {
-        name: frozenset(
-            other
-            for other, its in kinds.items()
-            if other in kind.mistaken_for or name in its.mistaken_for
-        )
-        for name, kind in kinds.items()
-    }
-
-
 def effect_from_dict(
     catalogue: Mapping[str, type[Effect]], document: Mapping[str, Any], source: str
 ) -> Effect:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.beam.discover import add_effect, diagnose, discover, remove_effect
 from rdpi_gym.diagnosis.results import SearchResult
+from rdpi_gym.diagnosis.search.discover import add_effect, diagnose, discover, remove_effect
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, Plant
 from rdpi_gym.plant.effects import CATALOGUE
