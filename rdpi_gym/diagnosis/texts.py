@@ -642,6 +642,7 @@ SEARCH: Mapping[str, str] = {
     "not converged": "did not converge: {reason}",
     "on request": "{effect} was added on request; these records do not earn it",
     "no portrait": "no portrait of what is missing could be drawn: {error}",
+    "core left out": "the core {core} was left out: {error}",
     "law/none": "the thresholds stay free: those of Eq. 8 {remark}",
     "law/kept": "the thresholds are those of Eq. 8 with {plays} plays; the validation error is "
     "{change:+.0f} % beside that of free thresholds",

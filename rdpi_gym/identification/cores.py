@@ -418,14 +418,6 @@ def first_fit(
     return min(fits, key=lambda fit: fit.train_rmse_um)
 
 
-def fit_or_none(fit: Callable[[], JointFit | None]) -> JointFit | None:
-    """Return a fit, or None where it leaves the bounds of its numbers: one of several is dropped."""
-    try:
-        return fit()
-    except NO_FIT:
-        return None
-
-
 def with_one_more(
     records: Sequence[Record], fit: JointFit, kind: type[Effect], scale: DataScale
 ) -> JointFit | None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -21,6 +21,8 @@ from rdpi_gym.plant.cores.rdpi import RDPI
 from rdpi_gym.plant.effects.base import Effect, Parameter
 from rdpi_gym.plant.parameters import moved
 from rdpi_gym.support.arrays import Array
+
+R = TypeVar("R")
 
 _GAIN_STEP = 1e-4  # of the largest gain: behind a nonlinear stage a gain acts nonlinearly
 _LEAST_MOTION = 1e-6  # of the gain that moves most: what moves less is not solved for
@@ -352,12 +354,14 @@ def _products(
     n, size = len(weights), len(weights) + changes[0].shape[1] - 1
     gram, motion = np.zeros((size + 1, size + 1)), np.zeros(size)
     for own, change, square in zip(columns, changes, squares, strict=True):
-        across, moved_by = own.T @ change, change.T @ change
+        with np.errstate(over="ignore", invalid="ignore"):
+            across, moved_by = own.T @ change, change.T @ change
         _add_record(square, across, moved_by, variant.hysteresis.keeps_first, gram, motion)
     # what is left, plus what the weights give now: to be solved for weights, not for their steps
     whole = np.eye(size + 1)
     whole[:n, size] = weights
-    gram = whole.T @ gram @ whole
+    with np.errstate(over="ignore", invalid="ignore"):  # such a step is not taken
+        gram = whole.T @ gram @ whole
     count = sum(map(len, changes))
     inner, rhs = gram[:size, :size].copy(), gram[:size, size].copy()
     inner[:n, :n] += count * price
@@ -489,6 +493,21 @@ def _refitted(
 NO_FIT = (ValueError, ArithmeticError)
 """Errors of a fit that leaves the bounds of its numbers or the floats: of one of several, that one is
 dropped. InputError and LinAlgError are among them; any other error is a fault of the program."""
+
+
+def caught_with(effects: Iterable[Effect | type[Effect]]) -> tuple[type[Exception], ...]:
+    """Return the errors for which one of several fits is dropped: a user's effect may raise any."""
+    kinds = (each if isinstance(each, type) else type(each) for each in effects)
+    ours = all(kind.__module__.startswith("rdpi_gym.") for kind in kinds)
+    return NO_FIT if ours else (Exception,)
+
+
+def or_none(fit: Callable[[], R], effects: Iterable[Effect | type[Effect]] = ()) -> R | None:
+    """Return what a fit with some effects returns, or None where there is no fit."""
+    try:
+        return fit()
+    except caught_with(effects):
+        return None
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,13 @@ import numpy as np
 from rdpi_gym.identification.cores import (
     CoreFit,
     first_fit,
-    fit_or_none,
     is_at_bound,
     judged,
     responses_to,
     with_one_more,
     with_quantities,
 )
-from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
+from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint, or_none
 from rdpi_gym.identification.plausibility import check_motion, orientation
 from rdpi_gym.identification.residuals import (
     beats,
@@ -258,7 +257,7 @@ def choose_kind(
         for done, rival in enumerate(wider):
             report("kinds with an effect more", done, len(wider))
             tried = (
-                fit_or_none(partial(with_one_more, train, rival.fit, CATALOGUE[name], scale))
+                or_none(partial(with_one_more, train, rival.fit, CATALOGUE[name], scale))
                 for name in _IMITATING_EFFECTS
             )
             fits = [held_out_fit(fit, validation) for fit in tried if fit is not None]
@@ -274,7 +273,7 @@ def choose_kind(
         report("kinds that come near", done, len(near))
         variant = rival.fit.variant
         core, effects = variant.hysteresis, variant.effects
-        fit = fit_or_none(partial(fit_joint, explainable, core, effects, _PASSES, samples=_SAMPLES))
+        fit = or_none(partial(fit_joint, explainable, core, effects, _PASSES, samples=_SAMPLES))
         if fit is not None:
             rivals[rivals.index(rival)] = held_out_fit(fit, validation)
     found = compare_kinds(rivals, explainable)

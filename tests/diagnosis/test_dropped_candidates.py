@@ -60,7 +60,7 @@ class Fault:
         self.calls += 1
         if self.is_meant(self, start, effects):
             self.raised += 1
-            raise self.error
+            raise type(self.error)(*self.error.args)
         return BEGUN(records, start, effects, *rest)
 
 

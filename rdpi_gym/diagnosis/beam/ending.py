@@ -137,6 +137,8 @@ def ended(
     added = _steps(course, whole, law, base, noise_um)
     records = list({r.name: r for r in (*whole.train, *whole.validation)}.values())
     turned = (template("turned"),) if evidence.sign < 0.0 else ()
+    refused = course.beam.refused if evidence.offer.begins_with_all else {}
+    without = [template("core left out", core=core, error=why) for core, why in refused.items()]
     discovered = kind == "discovery"
     return Ending(
         began=began,
@@ -167,7 +169,7 @@ def ended(
         undecided=unrelated(evidence.train),
         reads_fewer=evidence.reads_fewer,
         removed=removed,
-        notes=(*notes, *turned, *said),
+        notes=(*notes, *turned, *said, *without),
         seed=seed,
         progress=progress,
     )

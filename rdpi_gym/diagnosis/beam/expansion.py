@@ -12,6 +12,7 @@ from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import Look, Place, Starts, bearable, exchanged, kinds, raced
 from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import or_none
 from rdpi_gym.plant.effects import Effect, forms_of
 from rdpi_gym.support.parallel import Pool
 
@@ -37,7 +38,8 @@ def offered(evidence: Evidence, of: Visited) -> list[Signature]:
     forms = [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
     bare = replace(of.model, effects=evidence.offer.kept)
     place = Place(evidence.mended(of.model.clocks), bare)
-    return place.signed(start for form in forms for start in form.starts(scale))
+    starts = [start for form in forms for start in form.starts(scale)]
+    return or_none(partial(place.signed, starts), bare.effects) or []
 
 
 def _asked(
@@ -52,6 +54,17 @@ def _asked(
     Names are exchanged in the set that leads: the others that go on are its rivals already. What
     promises most beside a set that was expanded was looked at there.
     """
+    make = partial(_moves_of, evidence, known, done, signatures, one)
+    return or_none(make, one[0].model.effects) or []
+
+
+def _moves_of(
+    evidence: Evidence,
+    known: Collection[Key],
+    done: Collection[Key],
+    signatures: Mapping[str, Sequence[Signature]],
+    one: tuple[Visited, bool, bool],
+) -> list[Asked]:
     of, grows, leads = one
     place = Place(
         evidence.mended(of.model.clocks), of.model, signatures.get(of.model.core.name, ())
@@ -79,12 +92,13 @@ def _blocks_asked(evidence: Evidence, of: Visited) -> list[Asked]:
     """Return the free blocks that promise most beside all effects, and in the place of each."""
     place = Place(evidence.mended(of.model.clocks), of.model)
     places = [place, *(place.without(effect.name) for effect in _free(evidence, of.model))]
-    return [Asked(of, each, each.blocks(), each) for each in places]
+    starts = [or_none(each.blocks, of.model.effects) or [] for each in places]
+    return [Asked(of, each, own, each) for each, own in zip(places, starts, strict=True)]
 
 
 def _looked(places: Sequence[Place], case: tuple[int, Starts]) -> Look | None:
     which, starts = case
-    return places[which].look_at(starts) if starts else places[which].stepped()
+    return places[which].look_at(starts)
 
 
 def _refitted(
@@ -94,8 +108,9 @@ def _refitted(
     one = refitted(evidence, look.model, of.key)
     if one is None or not look.new:
         return one
-    ghosts = linear[which].with_phantoms(one.model, look.new)
-    return replace(one, ghosts=ghosts, new=look.new, tried=tried)
+    make = partial(linear[which].with_phantoms, one.model, look.new)
+    ghosts = or_none(make, one.model.effects)
+    return None if ghosts is None else replace(one, ghosts=ghosts, new=look.new, tried=tried)
 
 
 def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Visited]:
@@ -188,13 +203,16 @@ def with_free_blocks(evidence: Evidence, of: Visited, pool: Pool) -> list[Visite
     return _expanded(evidence, _blocks_asked(evidence, of), pool)
 
 
-def of_other_kinds(evidence: Evidence, of: Visited, *, loose: bool = False) -> list[Visited]:
+def of_other_kinds(
+    evidence: Evidence, of: Visited, *, loose: bool = False
+) -> tuple[list[Visited], dict[str, str]]:
     """Return the set with other kinds of hysteresis, those that come near refitted whole.
 
-    Kinds of many gains, which make up for any effect, only where these are `loose`.
+    Kinds of many gains, which make up for any effect, only where these are `loose`. Beside them, why
+    others have no fit, by their name.
     """
-    found = []
-    for model in kinds(evidence.mended(of.model.clocks), of.model, of.fit.train_rmse_um, loose):
-        one = refitted(evidence, model, of.key)
-        found += [one] if one is not None else []
-    return [replace(each, tried=len(found)) for each in found]
+    here = evidence.mended(of.model.clocks)
+    models, refused = kinds(here, of.model, of.fit.train_rmse_um, loose)
+    sets = [refitted(evidence, model, of.key) for model in models]
+    found = [one for one in sets if one is not None]
+    return [replace(each, tried=len(found)) for each in found], refused

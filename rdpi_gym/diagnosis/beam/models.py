@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,13 @@ from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
 from rdpi_gym.diagnosis.beam.score import cross_fitted, further_step, orthogonal, within
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
-    NO_FIT,
     JointFit,
     Tangents,
     effect_rows,
     fit_linearised,
     free_numbers,
     kept_samples,
+    or_none,
     tangents,
 )
 from rdpi_gym.identification.least_squares import BoolArray
@@ -100,22 +100,22 @@ def refitted(
     evidence: Evidence, model: Model, parent: tuple[str, ...] | None = None
 ) -> Visited | None:
     """Refit a set whole and cross-fit it; None where it leaves the bounds of its numbers."""
+    return or_none(partial(_refitted, evidence, model, parent), model.effects)
+
+
+def _refitted(evidence: Evidence, model: Model, parent: tuple[str, ...] | None) -> Visited | None:
     began = time.process_time()
-    try:
-        here = evidence.mended(model.clocks)
-        fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
-        kept = kept_samples(here.train, FIT_SAMPLES)
-        rows = [
-            _with_clocks(record, index, own, model.clocks, fit.variant)
-            for record, index, own in zip(here.train, kept, at.rows, strict=True)
-        ]
-        moves = np.concatenate([at.moves, np.ones(len(model.clocks), dtype=np.bool_)])
-        lefts = cross_fitted(rows, moves)
-        judged, variant = _judged(here, fit.variant, at)
-        lefts += judged
-    except NO_FIT:
-        return None
-    if not all(np.isfinite(left).all() for left in lefts):
+    here = evidence.mended(model.clocks)
+    fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
+    kept = kept_samples(here.train, FIT_SAMPLES)
+    rows = [
+        _with_clocks(record, index, own, model.clocks, fit.variant)
+        for record, index, own in zip(here.train, kept, at.rows, strict=True)
+    ]
+    moves = np.concatenate([at.moves, np.ones(len(model.clocks), dtype=np.bool_)])
+    judged, variant = _judged(here, fit.variant, at)
+    lefts = [*cross_fitted(rows, moves), *judged]
+    if not all(math.isfinite(left @ left) for left in lefts):
         return None
     # plays without a weight stay: what an effect takes up leaves others to be wanted
     found = replace(model, core=variant.hysteresis, effects=variant.effects)

@@ -28,13 +28,14 @@ from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, clock_column, of_experiment
 from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, gone_on, whole_step
 from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
-from rdpi_gym.identification.cores import first_fit, fit_or_none
+from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.joint import (
-    NO_FIT,
     FirstSteps,
     Tangents,
+    caught_with,
     first_steps,
     kept_samples,
+    or_none,
     tangents,
     tangents_near,
 )
@@ -70,14 +71,14 @@ class Place:
     evidence: Evidence  # With its clocks mended
     model: Model
     offered: Sequence[Signature] = ()  # Of all effects that fit the core, from all their starts
-    near: FirstSteps | None = None  # A set near by, whose derivatives by the weights it takes
+    near: Place | None = None  # A set near by, whose derivatives by the weights it takes
 
     @cached_property
     def begun(self) -> FirstSteps:
         """The set with its best weights, whose derivatives the looks share."""
         return first_steps(
             self.evidence.train, self.model.core, self.model.effects, 0, samples=RACE_SAMPLES,
-            near=self.near,
+            near=None if self.near is None else self.near.begun,
         )  # fmt: skip
 
     def _steps(self, effects: Sequence[Effect], steps: int) -> FirstSteps:
@@ -113,17 +114,18 @@ class Place:
 
     def look_at(self, starts: Starts) -> Look | None:
         """Go some steps from starts; None where these lead nowhere."""
+        return or_none(partial(self._look_at, starts), (*self.model.effects, *starts))
+
+    def _look_at(self, starts: Starts) -> Look | None:
         if len(starts) == 1 and starts[0].kinked:
             starts = (self._along_cusp(starts[0]),)
         fit = self._tried(starts, RACE_STEPS)
         return None if fit is None else self._seen(fit, tuple(start.name for start in starts))
 
     def _tried(self, starts: Starts, steps: int) -> FirstSteps | None:
-        try:
-            fit = self._steps(in_chain_order([*self.model.effects, *starts]), steps)
-        except NO_FIT:
-            return None
-        return fit if math.isfinite(fit.train_rmse_um) else None
+        every = in_chain_order([*self.model.effects, *starts])
+        fit = or_none(partial(self._steps, every, steps), every)
+        return fit if fit is not None and math.isfinite(fit.train_rmse_um) else None
 
     def _along_cusp(self, start: Effect) -> Effect:
         """Halve the interval around a start: no gradient leads into a cusp."""
@@ -158,7 +160,7 @@ class Place:
     def _linear(self) -> tuple[Tangents, Tangents]:
         return self._linearised(self.begun)
 
-    def _seen(self, fit: FirstSteps, new: tuple[str, ...]) -> Look:
+    def _seen(self, fit: FirstSteps, new: tuple[str, ...]) -> Look | None:
         at, judged = self._linearised(fit)
         core, effects = fit.variant.hysteresis, fit.variant.effects
         model = replace(self.model, core=core, effects=effects)
@@ -168,11 +170,11 @@ class Place:
         if _squares(lefts[:count]) < _squares(here[:count]):  # a step that was not taken
             own = at.moves & of_experiment(fit.variant)
             lefts = [*here[:count], *gone_on(at.rows, own, judged.rows)]
-        return Look(model, tuple(lefts), new)
+        return Look(model, tuple(lefts), new) if math.isfinite(_squares(lefts)) else None
 
-    def stepped(self) -> Look:
-        """The set itself after as many steps as a look takes."""
-        return self._seen(self._steps(self.model.effects, RACE_STEPS), ())
+    def stepped(self) -> Look | None:
+        """The set itself after as many steps as a look takes; None where these lead nowhere."""
+        return self.look_at(())
 
     def best_starts(self, starts: Iterable[Effect]) -> list[Effect]:
         """Return of each form the start that promises most."""
@@ -181,7 +183,7 @@ class Place:
     def without(self, name: str) -> Place:
         """The place without an effect."""
         kept = tuple(e for e in self.model.effects if e.name != name)
-        return replace(self, model=replace(self.model, effects=kept), near=self.begun)
+        return replace(self, model=replace(self.model, effects=kept), near=self)
 
     def _promised(self, offered: Iterable[Signature]) -> dict[str, list[tuple[float, Promise]]]:
         """Forms by what they promise to gain (nats a block), by effect, those that promise most first."""
@@ -308,18 +310,26 @@ def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:
     return found
 
 
-def kinds(evidence: Evidence, model: Model, least_um: float, loose: bool) -> list[Model]:
-    """First fits of every other kind of hysteresis beside the effects of a set, those that leave less."""
-    found = []
+def kinds(
+    evidence: Evidence, model: Model, least_um: float, loose: bool
+) -> tuple[list[Model], dict[str, str]]:
+    """First fits of every other kind of hysteresis beside the effects of a set, those that leave less.
+
+    Beside them, why others have no fit, by their name.
+    """
+    found, refused = list[Model](), dict[str, str]()
     for kind in evidence.offer.cores:
         beside = [e for e in model.effects if type(e).fits_in(kind)]
         if isinstance(model.core, kind) or (kind.loose and (beside or not loose)):
             continue  # many gains beside effects are slow, and make up for any
-        make = partial(first_fit, evidence.train, kind, beside, evidence.scale)
-        fit = fit_or_none(partial(make, least_um=least_um))
+        try:
+            fit = first_fit(evidence.train, kind, beside, evidence.scale, least_um=least_um)
+        except caught_with(beside) as error:
+            refused[kind.name] = str(error)
+            continue
         if fit is not None and fit.train_rmse_um < least_um:
             found.append(Model(fit.variant.hysteresis, fit.variant.effects, model.clocks))
-    return found
+    return found, refused
 
 
 def raced(base: Look, looks: Sequence[Look], evidence: Evidence, most: int) -> list[Look]:

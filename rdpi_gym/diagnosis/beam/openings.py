@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from rdpi_gym.diagnosis.beam.models import Visited, refitted, residuals
 from rdpi_gym.diagnosis.beam.moves import Place, raced
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import kept_samples
+from rdpi_gym.identification.joint import kept_samples, or_none
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.support.arrays import Array
@@ -29,6 +30,10 @@ def without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
     the records' ends gains, their phantom; and an initial memory that all records share takes less of that
     than it leaves.
     """
+    return or_none(partial(_without_unknown_past, evidence, of), of.model.effects)
+
+
+def _without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
     if _MEMORY in of.model.names:
         return None
     names = [r.name for r in (*evidence.train, *evidence.validation)]
@@ -113,5 +118,8 @@ def _remembering(evidence: Evidence, of: Visited) -> Visited | None:
     forms = [f for f in forms_of(evidence.offer.effects[_MEMORY]) if f.fits_in(type(of.model.core))]
     starts = place.best_starts(start for form in forms for start in form.starts(evidence.scale))
     looks = [place.look_at((start,)) for start in starts]
-    best = raced(place.stepped(), [look for look in looks if look is not None], place.evidence, 1)
+    base = place.stepped()
+    if base is None:
+        return None
+    best = raced(base, [look for look in looks if look is not None], place.evidence, 1)
     return refitted(evidence, best[0].model, of.key) if best else None

@@ -34,14 +34,14 @@ from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.identification.joint import fit_joint, or_none
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
-from rdpi_gym.support.parallel import Pool
+from rdpi_gym.support.parallel import ALONE, Pool
 from rdpi_gym.support.progress import Progress, silent
 
 OnVisited = Callable[[Visited], None]
@@ -59,9 +59,21 @@ def visited_now(name: str, sets: Sets, make: Callable[[], list[Visited]]) -> lis
 
 
 def begun(evidence: Evidence) -> Visited:
-    """Return the set that nothing was added to: RDPI, or a stop model where loops turn clockwise."""
-    kept, usual = evidence.offer.kept, CORES["stop"] if evidence.clockwise else RDPI
-    kind: type[Core] = evidence.offer.core or usual
+    """Return the set that nothing was added to: RDPI, or a stop model where loops turn clockwise.
+
+    Where the search begins with all kinds of hysteresis, one without a fit leaves its place to the next.
+    """
+    offer, usual = evidence.offer, CORES["stop"] if evidence.clockwise else RDPI
+    if offer.begins_with_all:
+        for kind in (usual, *(each for each in offer.cores if each is not usual)):
+            found = or_none(partial(_begun, evidence, kind), offer.kept)
+            if found is not None:
+                return found
+    return _begun(evidence, offer.core or usual)
+
+
+def _begun(evidence: Evidence, kind: type[Core]) -> Visited:
+    kept = evidence.offer.kept
     core: Core | None = kind.comb(evidence.scale)
     if len(kind.starts(evidence.scale)) > 1:
         fit = first_fit(evidence.train, kind, kept, evidence.scale)
@@ -83,6 +95,7 @@ class Beam:
     on_visited: OnVisited | None = None
     visited: dict[Key, Visited] = field(default_factory=dict)
     accepted: set[Key] = field(default_factory=set)  # Sets that a chain of better moves leads to
+    refused: dict[str, str] = field(default_factory=dict)  # Kinds of core without a fit, and why
     _least: Visited | None = None  # Set at whose floor the sets are scored
 
     def add(self, found: Sequence[Visited]) -> None:
@@ -95,12 +108,24 @@ class Beam:
                 better = replace(known, model=one.model, fit=one.fit, lefts=one.lefts)
                 self.visited[one.key] = better
 
-    def begin(self, stage: Stage) -> Visited:
-        """Visit the set that the search begins with."""
+    def begin(self, stage: Stage, pool: Pool = ALONE) -> Visited:
+        """Visit the set that the search begins with: of all kinds of hysteresis where that is wanted."""
         (base,) = stage("base", self.visited, lambda: [begun(self.evidence)])
         self.add([base])
         self.accepted.add(base.key)
-        return base
+        if not self.evidence.offer.begins_with_all:
+            return base
+        kinds = partial(self.of_other_kinds, pool, [base], loose=True)
+        self.judge(stage("kinds", self.visited, kinds))
+        return best_of(self, self.scored())
+
+    def of_other_kinds(self, pool: Pool, sets: Sequence[Visited], loose: bool) -> list[Visited]:
+        """Visit sets with other kinds of hysteresis."""
+        found = list[Visited]()
+        for one, refused in pool.map(partial(of_other_kinds, self.evidence, loose=loose), sets):
+            found += one
+            self.refused |= refused
+        return found
 
     def scored(self) -> Scores:
         """Score all sets on common blocks, at the floor of the one that leaves least."""
@@ -227,10 +252,8 @@ def searched(
     """Run the beam to its end; return all sets, their scores, and the best one with names alone."""
     report, pool = progress or silent, Pool(jobs)
     beam = Beam(evidence, seed, on_visited)
-    base, with_all = beam.begin(stage), evidence.offer.begins_with_all
-    kinds = partial(_of_other_kinds, evidence, pool)
-    if with_all:
-        beam.judge(stage("kinds", beam.visited, partial(kinds, [base], loose=True)))
+    base, with_all = beam.begin(stage, pool), evidence.offer.begins_with_all
+    kinds = partial(beam.of_other_kinds, pool)
     done: set[Key] = set()
     signatures = dict[str, Sequence[Signature]]()
     for number in range(ROUNDS):
@@ -268,13 +291,6 @@ def searched(
         scores = beam.scored()
     report("rounds of the beam", ROUNDS, ROUNDS)
     return beam, scores, best
-
-
-def _of_other_kinds(
-    evidence: Evidence, pool: Pool, sets: Sequence[Visited], loose: bool
-) -> list[Visited]:
-    lists = pool.map(partial(of_other_kinds, evidence, loose=loose), sets)
-    return [one for each in lists for one in each]
 
 
 def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:

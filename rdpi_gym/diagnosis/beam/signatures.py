@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import RACE_SAMPLES
 from rdpi_gym.diagnosis.beam.score import within
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import NO_FIT, Tangents, effect_rows
+from rdpi_gym.identification.joint import Tangents, effect_rows, or_none
 from rdpi_gym.identification.least_squares import BoolArray, signed_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
@@ -54,14 +54,10 @@ def signatures(
     found = []
     for _, group in groupby(starts, key=type):
         alike = list(group)
-        try:
-            found += _of_one_form(parts, core, effects, alike)
-        except NO_FIT:  # one of them, perhaps
-            for start in alike:
-                try:
-                    found += _of_one_form(parts, core, effects, [start])
-                except NO_FIT:
-                    continue
+        make, every = partial(_of_one_form, parts, core, effects), (*effects, alike[0])
+        whole = or_none(partial(make, alike), every)
+        each = [whole] if whole is not None else [or_none(partial(make, [s]), every) for s in alike]
+        found += [own for one in each if one is not None for own in one]
     return [each for each in found if np.isfinite(each.rows).all()]
 
 

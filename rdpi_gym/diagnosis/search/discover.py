@@ -40,7 +40,7 @@ from rdpi_gym.diagnosis.search.setting import Setting, assess
 from rdpi_gym.diagnosis.suitability import falls, turned
 from rdpi_gym.diagnosis.words import in_words, template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
+from rdpi_gym.identification.joint import JointFit, caught_with, fit_joint, or_none
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import CORES, RDPI, PlantModel
@@ -100,7 +100,7 @@ def diagnose(
     seen, report = _told(evidence, given, on_candidate), progress or silent
     beam, pool = Beam(evidence, seed, seen), Pool(jobs)
     kept = Checkpoint(checkpoint, evidence, seed)
-    base = beam.begin(kept.stage)
+    base = beam.begin(kept.stage, pool)
     names = [n for n in evidence.offer.effects if n not in base.model.names]
     make = partial(with_each, evidence, base, names, pool, report, seen)
     found = kept.stage("effects alone", beam.visited, make)
@@ -150,7 +150,7 @@ def add_effect(
     report, pool = progress or silent, Pool(jobs)
     beam = Beam(evidence, seed, _told(evidence, given, on_candidate))
     kept = Checkpoint(checkpoint, evidence, seed)
-    base = beam.begin(kept.stage)
+    base = beam.begin(kept.stage, pool)
     if not any(form.fits_in(type(base.model.core)) for form in forms_of(kind)):
         raise InputError(
             f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
@@ -254,6 +254,13 @@ def with_each(
 def _with_one(
     evidence: Evidence, base: Visited, signatures: Sequence[Signature], name: str
 ) -> Visited | None:
+    make = partial(_refitted_with, evidence, base, signatures, name)
+    return or_none(make, [evidence.offer.effects[name]])
+
+
+def _refitted_with(
+    evidence: Evidence, base: Visited, signatures: Sequence[Signature], name: str
+) -> Visited | None:
     kind = evidence.offer.effects[name]
     only = replace(evidence, offer=replace(evidence.offer, effects={name: kind}))
     place = Place(only, base.model, [each for each in signatures if each.start.name == name])
@@ -274,11 +281,9 @@ def _failed(evidence: Evidence, base: Visited, kind: type[Effect]) -> Candidate:
     """Return an effect of which no refit came about, with the reason."""
     effects = in_chain_order([*base.model.effects, kind.starts(evidence.scale)[0]])
     reason = "no start leads to a fit"
-    # a user's effect may raise anything; what else ours raises is a fault of the program
-    caught = NO_FIT if kind.name in CATALOGUE else (Exception,)
     try:
         fit_joint(evidence.train, base.model.core, effects, 1)
-    except caught as error:
+    except caught_with(effects) as error:
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
     remark, nowhere = (
         template("not converged", reason=reason),
