@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator
 
 from rdpi_gym.diagnosis.beam.constants import READ_SAMPLES
 from rdpi_gym.diagnosis.features.noise import (
@@ -60,7 +61,9 @@ class Clock:
             return replace(record, ts_s=ts_s, t_s=times)
         past = record.t_s - record.t_s[0]
         late = self.value if self.kind == "delay" else self.value * past
-        return replace(record, u_V=np.interp(past - late, past, record.u_V))
+        taken = np.clip(past - late, past[0], past[-1])
+        # local, and without the overshoot of splines where a command steps
+        return replace(record, u_V=Akima1DInterpolator(past, record.u_V)(taken))
 
 
 @dataclass(frozen=True)
@@ -156,6 +159,10 @@ class Evidence:
             openings={name: own for name, own in self.openings.items() if name not in read},
             findings=(*self.findings, unknown_past(whole)),
         )
+
+    def only_judges(self, clock: Clock) -> bool:
+        """Whether a fault is of a record that nothing is fitted to."""
+        return bool(clock.record) and all(r.name != clock.record for r in self.train)
 
     def mended(self, clocks: Sequence[Clock]) -> Evidence:
         """Return the records with their clocks set right."""

@@ -11,9 +11,9 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES, RACE_STEPS
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
-from rdpi_gym.diagnosis.beam.score import cross_fitted, further_step, orthogonal, within
+from rdpi_gym.diagnosis.beam.score import cross_fitted, further_step, orthogonal, whole_step, within
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
     JointFit,
@@ -105,15 +105,24 @@ def refitted(
 
 def _refitted(evidence: Evidence, model: Model, parent: tuple[str, ...] | None) -> Visited | None:
     began = time.process_time()
-    here = evidence.mended(model.clocks)
-    fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
-    kept = kept_samples(here.train, FIT_SAMPLES)
-    rows = [
-        _with_clocks(record, index, own, model.clocks, fit.variant)
-        for record, index, own in zip(here.train, kept, at.rows, strict=True)
-    ]
-    moves = np.concatenate([at.moves, np.ones(len(model.clocks), dtype=np.bool_)])
-    judged, variant = _judged(here, fit.variant, at)
+    for _ in range(RACE_STEPS if model.clocks else 1):
+        here = evidence.mended(model.clocks)
+        fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
+        rows = _with_clocks(here.train, at.rows, model.clocks, fit.variant)
+        moves = np.concatenate([at.moves, np.ones(len(model.clocks), dtype=np.bool_)])
+        judged, variant, clocks = _judged(here, fit.variant, at, model.clocks)
+        if not clocks:
+            break
+        steps = whole_step(rows, moves)[-len(clocks) :]
+        model = replace(
+            model,
+            core=fit.variant.hysteresis,
+            effects=fit.variant.effects,
+            clocks=tuple(
+                replace(clock, value=clock.value + float(step))
+                for clock, step in zip(clocks, steps, strict=True)
+            ),
+        )
     lefts = [*cross_fitted(rows, moves), *judged]
     if not all(math.isfinite(left @ left) for left in lefts):
         return None
@@ -134,39 +143,48 @@ def of_experiment(variant: Variant[Core]) -> BoolArray:
 
 
 def _judged(
-    evidence: Evidence, variant: Variant[Core], at: Tangents
-) -> tuple[list[Array], Variant[Core]]:
-    """Return what a model that was fitted leaves of the records to judge by, and the model there.
+    evidence: Evidence, variant: Variant[Core], at: Tangents, clocks: tuple[Clock, ...]
+) -> tuple[list[Array], Variant[Core], tuple[Clock, ...]]:
+    """Return what a model that was fitted leaves of the records to judge by, the model there, clocks.
 
-    Its numbers of the experiment go on from the fit to these records, each stretch left out in turn.
+    Its numbers of the experiment go on from the fit to these records, each stretch left out in turn; so
+    do the clock faults of these records alone.
     """
-    own = of_experiment(variant) & at.moves
+    faults = np.array([evidence.only_judges(clock) for clock in clocks], dtype=np.bool_)
+    own = np.concatenate([of_experiment(variant) & at.moves, faults])
     if not own.any():
-        return residuals(evidence.validation, variant, FIT_SAMPLES), variant
+        return residuals(evidence.validation, variant, FIT_SAMPLES), variant, clocks
     columns = np.flatnonzero(own)
     rows = tangents(evidence.validation, variant, FIT_SAMPLES).rows
+    rows = _with_clocks(evidence.validation, rows, clocks, variant)
     pairs = [(each[:, columns], each[:, -1]) for each in rows]
-    told = np.sum([x[:, columns].T @ x[:, columns] for x in at.rows], axis=0)
+    fitted = columns[columns < len(at.moves)]
+    told = np.zeros((len(columns), len(columns)))
+    told[: len(fitted), : len(fitted)] = sum(x[:, fitted].T @ x[:, fitted] for x in at.rows)
     free = free_numbers(variant.hysteresis, variant.effects, 1.0)
-    moved = variant
+    moved, found = variant, list(clocks)
     for column, step in zip(columns, further_step(pairs, told), strict=True):
-        number = free[column - len(variant.hysteresis.gains)]
-        moved = number.write(moved, number.read(moved) + number.bounded(float(step)))
-    return within(pairs, told), moved
+        if column < len(at.moves):
+            number = free[column - len(variant.hysteresis.gains)]
+            moved = number.write(moved, number.read(moved) + number.bounded(float(step)))
+        else:
+            clock = clocks[column - len(at.moves)]
+            found[column - len(at.moves)] = replace(clock, value=clock.value + float(step))
+    return within(pairs, told), moved, tuple(found)
 
 
 def _with_clocks(
-    record: Record,
-    kept: NDArray[np.intp],
-    rows: Array,
+    records: Sequence[Record],
+    rows: Sequence[Array],
     clocks: Sequence[Clock],
     variant: Variant[Core],
-) -> Array:
+) -> list[Array]:
     """Put the derivative by each clock fault before the residual."""
-    if not clocks:
-        return rows
-    own = [_clock_rows(record, clock, variant, kept) for clock in clocks]
-    return np.hstack([rows[:, :-1], *own, rows[:, -1:]])
+    found = []
+    for record, kept, each in zip(records, kept_samples(records, FIT_SAMPLES), rows, strict=True):
+        own = [_clock_rows(record, clock, variant, kept) for clock in clocks]
+        found.append(np.hstack([each[:, :-1], *own, each[:, -1:]]))
+    return found
 
 
 def _clock_rows(
@@ -178,9 +196,9 @@ def _clock_rows(
 
 def clock_column(record: Record, clock: Clock, variant: Variant[Core]) -> Array:
     """Derivative of a model's displacement by a clock fault, ``(T,)``."""
-    y = simulate_effects([variant], record)[:, 0]
     if clock.record not in ("", record.name):
-        return np.zeros_like(y)
+        return np.zeros(record.u_V.size)
+    y = simulate_effects([variant], record)[:, 0]
     step = {"delay": 0.25 * record.ts_s, "skew": 0.25 / y.size, "step": 1e-3}[clock.kind]
     moved = replace(clock, record="", value=step).mended(record)
     return np.asarray((simulate_effects([variant], moved)[:, 0] - y) / step)
@@ -224,7 +242,8 @@ class Linear:
             ]
             free = np.ones(columns[0].shape[1], dtype=np.bool_)
             moves = np.concatenate([self.train.moves, free])
-            local = np.concatenate([self._own, self._new_own(model, new)])
+            clocks = [self.evidence.only_judges(c) for c in model.clocks if c.name in new]
+            local = np.concatenate([self._own, self._new_own(model, new), clocks]).astype(np.bool_)
             found.append(tuple(cross_fitted(both[:count], moves, both[count:], local)))
         return (self.alone, *found)
 
@@ -242,7 +261,7 @@ class Linear:
             for p in effect.parameters
             if not p.fixed
         ]
-        return np.array([*found, *(False for c in model.clocks if c.name in new)], dtype=np.bool_)
+        return np.array(found, dtype=np.bool_)
 
     @cached_property
     def alone(self) -> tuple[Array, ...]:

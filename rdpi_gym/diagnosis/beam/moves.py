@@ -7,12 +7,13 @@ the race drops what is worse than the best of the looks by the one decision.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.beam.constants import (
     FOLLOWED,
@@ -26,9 +27,10 @@ from rdpi_gym.diagnosis.beam.constants import (
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, clock_column, of_experiment
-from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, gone_on, whole_step
+from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, further_step, gone_on, whole_step
 from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
 from rdpi_gym.identification.cores import first_fit
+from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import (
     FirstSteps,
     Tangents,
@@ -39,12 +41,16 @@ from rdpi_gym.identification.joint import (
     tangents,
     tangents_near,
 )
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
 from rdpi_gym.support.arrays import Array
 
-CLOCK_KINDS: tuple[ClockKind, ...] = ("delay", "step", "skew")
+CLOCK_STARTS: Mapping[ClockKind, tuple[float, ...]] = {
+    "delay": (0.0,), "step": (0.0, math.log(2.0), -math.log(2.0)), "skew": (0.0,)
+}  # fmt: skip
+"""Kinds of clock faults, and the sizes from which each is looked at: dividers of clocks halve."""
 FREE_BLOCKS: tuple[type[Effect], ...] = tuple(
     form for form in forms_of(Unknown) if not issubclass(form, WithTwoMemories)
 )
@@ -254,33 +260,50 @@ class Place:
 
     def clocks(self) -> list[Look]:
         """Looks at faults of the clock of each record, and of all records alike."""
-        names = dict.fromkeys(r.name for r in self.evidence.train)
+        names = dict.fromkeys(r.name for r in (*self.evidence.train, *self.evidence.validation))
         wanted = [Clock("skew", "")]
-        wanted += [Clock(kind, name) for name in names for kind in CLOCK_KINDS if len(names) > 1]
+        if len(names) > 1:
+            wanted += [
+                Clock(kind, name, start)
+                for name in names
+                for kind, starts in CLOCK_STARTS.items()
+                for start in starts
+            ]
         present = {clock.name for clock in self.model.clocks}
         looks = [self._clocked(clock) for clock in wanted if clock.name not in present]
         return [look for look in looks if look is not None]
 
-    def _clocked(self, clock: Clock) -> Look | None:
-        """Estimate the size of a fault beside all other numbers of the set."""
+    def _clocked(self, start: Clock) -> Look | None:
+        """Estimate the size of a fault beside all other numbers of the set, from a start."""
         evidence, variant = self.evidence, self.begun.variant
-        parts = (evidence.train, evidence.validation)
         both = []
-        for records, at in zip(parts, self._linear, strict=True):
-            rows = []
-            for record, index, own in zip(
-                records, kept_samples(records, RACE_SAMPLES), at.rows, strict=True
-            ):
-                column = clock_column(record, clock, variant)[index]
-                rows.append(np.column_stack([own[:, :-1], column - column.mean(), own[:, -1]]))
+        for records, at in zip((evidence.train, evidence.validation), self._linear, strict=True):
+            kept = kept_samples(records, RACE_SAMPLES)
+            rows = [
+                self._rows_with(start, *each) for each in zip(records, kept, at.rows, strict=True)
+            ]
             both.append(rows)
-        moves = np.append(self._linear[0].moves, True)
-        local = np.concatenate([of_experiment(variant), np.zeros(1, dtype=np.bool_)])
-        size = float(whole_step(both[0], moves)[-1])
-        if size == 0.0:
+        moves, judges = np.append(self._linear[0].moves, True), evidence.only_judges(start)
+        own = np.append(of_experiment(variant), judges)
+        alone = [(each[:, -2:-1], each[:, -1]) for each in both[1]]
+        step = further_step(alone, np.zeros((1, 1))) if judges else whole_step(both[0], moves)
+        if step[-1] == 0.0:
             return None
-        model = replace(self.model, clocks=(*self.model.clocks, replace(clock, value=size)))
-        return Look(model, tuple(cross_fitted(both[0], moves, both[1], local)), (clock.name,))
+        clock = replace(start, value=start.value + float(step[-1]))
+        model = replace(self.model, clocks=(*self.model.clocks, clock))
+        return Look(model, tuple(cross_fitted(both[0], moves, both[1], own)), (clock.name,))
+
+    def _rows_with(
+        self, clock: Clock, record: Record, kept: NDArray[np.intp], rows: Array
+    ) -> Array:
+        """Put the derivative by a clock fault before what is left of a record, where it starts."""
+        variant, moved = self.begun.variant, clock.mended(record)
+        column, left = clock_column(moved, clock, variant)[kept], rows[:, -1]
+        if moved is not record:
+            models = (simulate_effects([variant], each)[kept, 0] for each in (record, moved))
+            change = np.subtract(*models)
+            left = left + change - change.mean()
+        return np.column_stack([rows[:, :-1], column - column.mean(), left])
 
 
 def _squares(lefts: Sequence[Array]) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rdpi_gym.diagnosis.beam.checkpoint import Checkpoint
-from rdpi_gym.diagnosis.beam.constants import LEVEL
+from rdpi_gym.diagnosis.beam.constants import FOUND, LEVEL
 from rdpi_gym.diagnosis.beam.decision import chances
 from rdpi_gym.diagnosis.beam.ending import Course, ended, judged
 from rdpi_gym.diagnosis.beam.evidence import Evidence, Offer
@@ -166,9 +166,11 @@ def add_effect(
     scores = beam.scored()
     beam.accept(found, scores)
     best = _simplest(found, scores)
-    asked = () if best.key in beam.accepted else (template("on request", effect=kind.name),)
+    course = Course(evidence, beam, scores, best)
+    earned = course.weight_of(kind.name) >= FOUND
+    asked = () if earned else (template("on request", effect=kind.name),)
     ending = ended(
-        Course(evidence, beam, scores, best), kind="addition", began=began, given=given, seed=seed,
+        course, kind="addition", began=began, given=given, seed=seed,
         pool=pool, progress=report, notes=(*kept.remarks, *asked),
     )  # fmt: skip
     return conclude(ending)
