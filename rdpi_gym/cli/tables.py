@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 12
 
-_SHORT = 24  # letters of a column that is never broken
+_SHORT = 24  # letters of a cell that is never broken; headings are
 
 
 def print_table(
@@ -53,7 +53,7 @@ def print_table(
         shown.add_column(
             str(name),
             justify="right" if kind.kind in "iuf" else "left",
-            no_wrap=max(map(len, column), default=0) <= _SHORT,
+            min_width=widest if (widest := max(map(len, column), default=0)) <= _SHORT else None,
         )
     for row in zip(*cells, strict=True):
         shown.add_row(*row)

@@ -372,8 +372,8 @@ def diagnose(
         Called as ``progress(stage, done, total)``.
     on_candidate
         Called with a :class:`Refit` as soon as a model is refitted: first the one that candidates are
-        added to, then each candidate, in each of its forms that are tried; at the end of a diagnosis
-        the model that it recommends.
+        added to, then each candidate, in the form that gains most; at the end of a diagnosis the
+        model that it recommends.
 
     Returns
     -------

@@ -72,14 +72,16 @@ def run_cases(
 class Pool:
     """Processes of one search, started once it has enough to do for them.
 
+    Whoever watches is `told` of each result.
+
     Examples
     --------
     >>> Pool(jobs=2).map(abs, [-1, 2])
     [1, 2]
     """
 
-    def __init__(self, jobs: int) -> None:
-        self._jobs, self._started = jobs, jobs == 1
+    def __init__(self, jobs: int, told: Callable[[], None] = lambda: None) -> None:
+        self._jobs, self._started, self._told = jobs, jobs == 1, told
 
     def map(
         self,
@@ -101,6 +103,7 @@ class Pool:
                 if self._started:
                     break
             results[done] = function(cases[done])
+            self._told()
             seen(results[done])
         rest = list(enumerate(cases))[len(results) :]
         if not rest:
@@ -111,6 +114,7 @@ class Pool:
             told.write_bytes(dumps(function))
             for place, result in run_cases(partial(_numbered, str(told)), rest, self._jobs):
                 results[place] = result
+                self._told()
                 seen(result)
         return [results[place] for place in range(len(cases))]
 

@@ -20,10 +20,12 @@ def seen(few):
     return watched
 
 
-def test_whoever_watches_a_search_gets_the_base_model_first_and_every_form(seen):
+def test_whoever_watches_a_search_gets_the_base_model_first_and_then_the_effect(seen):
     assert (seen[0].effect, len(seen[0].plant.effects)) == ("", 0)
-    forms = {type(refit.plant.effects[0]).form for refit in seen[1:]}
-    assert {refit.form for refit in seen[1:]} == forms > {"", "spectrum"}
+    assert [(refit.effect, refit.form) for refit in seen[1:]] == [
+        (effect.name, effect.form) for refit in seen[1:] for effect in refit.plant.effects
+    ]
+    assert {refit.effect for refit in seen[1:]} == {"creep"}
 
 
 def test_a_refit_that_was_watched_leaves_what_it_says(seen, few):

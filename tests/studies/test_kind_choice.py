@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search import plants
+from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.identification import kinds
 from rdpi_gym.plant import CORES
+from rdpi_gym.plant.effects import CATALOGUE
 from studies import kind_choice
 
 RESULT = Path(kind_choice.RESULTS) / "kind_choice.md"
@@ -45,9 +47,13 @@ def test_a_row_says_what_was_chosen_and_the_table_counts_it(monkeypatch):
     assert RESULT.read_text(encoding="utf-8").startswith("# Which kind of hysteresis?")
 
 
+def search_of(effects, data, catalogue=None, **asked):
+    return discover(data, catalogue=effects if catalogue is None else catalogue, **asked)
+
+
 def test_a_search_prefers_no_other_core_where_rdpi_is_right(monkeypatch):
-    few = {name: CORES[name] for name in ("rdpi", "duhem")}
-    monkeypatch.setattr(plants, "CORES", few)
+    one = {"creep": CATALOGUE["creep"]}  # stands for fifteen
+    monkeypatch.setattr(kind_choice, "discover", partial(search_of, one))
     case = kind_choice.quiet_cases(2, 0)[1]
     assert (case.kind, case.effect, case.protocol) == ("rdpi", "", kind_choice.PROTOCOLS[1])
     row = kind_choice.run_quiet(case, "code")

@@ -133,7 +133,7 @@ def ended(
         near = replace(
             setting, train=close_up(setting.train), validation=close_up(setting.validation)
         )
-    base = judged(whole, course.way[0])
+    base = law if course.best is course.way[0] else judged(whole, course.way[0])
     added = _steps(course, whole, law, base, noise_um)
     records = list({r.name: r for r in (*whole.train, *whole.validation)}.values())
     turned = (template("turned"),) if evidence.sign < 0.0 else ()

@@ -179,9 +179,10 @@ def expanded(
 
 
 def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
-    """Return the sets with one effect or clock fault less."""
+    """Return the sets with one effect or clock fault less, or one in its simplest form."""
     kept = {effect.name for effect in evidence.offer.kept}
     fewer = [model for model in of.model.without_one() if kept <= model.names]
+    fewer += of.model.simplified(evidence.scale)
     return _whole(evidence, (), [(model, of.key) for model in fewer], pool)
 
 

@@ -28,7 +28,8 @@ from rdpi_gym.identification.joint import (
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
-from rdpi_gym.plant.effects.base import Effect
+from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of
+from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 
 
@@ -50,6 +51,17 @@ class Model:
     def names(self) -> frozenset[str]:
         """Names of the effects and clock faults, without forms."""
         return frozenset([e.name for e in self.effects] + [c.name for c in self.clocks])
+
+    def simplified(self, scale: DataScale) -> list[Model]:
+        """Return the models with one effect in its simplest form."""
+        found = []
+        for effect in self.effects:
+            simplest = forms_of(type(effect))[0]
+            if effect.name != Unknown.name and simplest is not type(effect):
+                start = simplest.starts(scale)[0]
+                others = tuple(start if e is effect else e for e in self.effects)
+                found.append(replace(self, effects=others))
+        return found
 
     def without_one(self) -> list[Model]:
         """Return the models with one effect or clock fault less."""

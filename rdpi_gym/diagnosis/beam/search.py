@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import count
 
 import numpy as np
 
@@ -160,7 +161,9 @@ class Beam:
             if chance < LEVEL:
                 self.accepted.add(one.key)
         accepted = [one for one in scores.sets if one.key in self.accepted]
-        fewer = (model.key for one in accepted for model in one.model.without_one())
+        scale = self.evidence.scale
+        models = [one.model for one in accepted]
+        fewer = (each.key for m in models for each in (*m.without_one(), *m.simplified(scale)))
         self.accepted.update(key for key in fewer if key in self.visited)
 
     def _parent(self, one: Visited) -> Visited:
@@ -250,14 +253,15 @@ def searched(
     stage: Stage = visited_now,
 ) -> tuple[Beam, Scores, Visited]:
     """Run the beam to its end; return all sets, their scores, and the best one with names alone."""
-    report, pool = progress or silent, Pool(jobs)
+    report, tried = progress or silent, count(1)
+    pool = Pool(jobs, lambda: report("moves of the search", next(tried), 0))
+    report("moves of the search", 0, 0)
     beam = Beam(evidence, seed, on_visited)
     base, with_all = beam.begin(stage, pool), evidence.offer.begins_with_all
     kinds = partial(beam.of_other_kinds, pool)
     done: set[Key] = set()
     signatures = dict[str, Sequence[Signature]]()
     for number in range(ROUNDS):
-        report("rounds of the beam", number, ROUNDS)
         scores = beam.scored()
         best = best_of(beam, scores)
         front = [one for one in _front(beam, scores) if one.key not in done]
@@ -289,7 +293,6 @@ def searched(
         blocks = partial(with_free_blocks, beam.evidence, best, pool)
         beam.add(stage("free blocks", beam.visited, blocks))
         scores = beam.scored()
-    report("rounds of the beam", ROUNDS, ROUNDS)
     return beam, scores, best
 
 

@@ -89,7 +89,6 @@ class Ending:
     # As in the result
     removed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    within_records: bool = False
     seed: int = 0
     progress: Progress = silent
 
@@ -176,7 +175,6 @@ def conclude(ending: Ending) -> SearchResult:
         ),
         quantities=quantities,
         core=ending.core,
-        within_records=ending.within_records,
     )
     return in_words(replace(found, rounds=found.stated_rounds), quantities)
 
