@@ -51,7 +51,7 @@ Limits
   The effect of halving and doubling each of the other constants has not been measured.
 - Bouc-Wen and Duhem plants that do not begin at 0 V are named with an initial memory. The study counts it
   as wrong; a core that begins elsewhere is what a memory of the time before the record is.
-- Clock faults of records that are only for validation are not tried; jitter is no move.
+- Jitter of a clock is no move.
 - Checks without a model do not forbid a name yet. The opening of a record that is only to be judged by
   counts where no other one spoils the fit; a search that left openings out is not resumed from a file.
 """
