@@ -16,7 +16,7 @@ from rdpi_gym.virtual_lab import Truth, simulate_dataset
 from tests.looping import over
 
 NOISE_UM = 0.012
-NAMES = ("sine-10hz", "sine-50hz", "sine-100hz-half", "validation-chirp", "quiet")
+NAMES = ("triangle-slow", "sine-10hz", "sine-50hz", "sine-100hz-half", "validation-chirp", "quiet")
 LAG = CATALOGUE["sensor_lag"](2.4e-4)
 BEND = CATALOGUE["asymmetry"](0.02, 40.0)
 

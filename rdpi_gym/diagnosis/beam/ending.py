@@ -58,6 +58,14 @@ class Course:
         """Effects and clock faults that any set has."""
         return {each.name: each for each in names_of(self.beam, self.scores, self.best)}
 
+    @property
+    def sound(self) -> Course:
+        """The same without clock faults of its best set that are stand-ins: they are of no recorder."""
+        clocks = {clock.name for clock in self.best.model.clocks}
+        wrong = {n for n in clocks if self.names[n].grade in ("stand-in", "")}
+        fewer = self.named(self.best.model.names - wrong) if wrong else None
+        return self if fewer is None else replace(self, best=fewer).sound
+
     def effects_of(self, model: Model) -> tuple[Effect, ...]:
         """Effects of a model that were not given."""
         return tuple(e for e in model.effects if not self.evidence.offer.is_kept(e.name))
@@ -113,6 +121,7 @@ def ended(
     failed: Sequence[Candidate] = (),
 ) -> Ending:
     """Return what a beam ends with, its models judged on all samples; `failed` are ranked last."""
+    course = course.sound
     evidence, best = course.evidence, course.best
     clocks = best.model.clocks
     whole, searched = evidence.in_full, _setting(evidence.mended(clocks))

@@ -238,25 +238,33 @@ class Linear:
 
         A phantom has the columns that the names' numbers would have, were the plant driven by the
         command of the record in reverse, or by another record's, less what their own columns explain
-        of them: it can not be the cause, and is as flexible.
+        of them: it can not be the cause, and is as flexible. Beside a fault of one record's clock
+        stands the same fault of all records: what they all want is of the plant.
         """
-        train, validation = self.evidence.train, self.evidence.validation
-        count, every = len(train), (*train, *validation)
+        count, every = len(self.evidence.train), (*self.evidence.train, *self.evidence.validation)
         own = self._columns(every, model, new)
+        local = [*self._new_own(model, new)]
+        local += [self.evidence.only_judges(c) for c in model.clocks if c.name in new]
+        ghosts = [
+            (orthogonal(self._columns(records, model, new), own), local)
+            for records in (list(map(_reversed, every)), _exchanged(every))
+        ]
+        if any(clock.record for clock in model.clocks if clock.name in new):
+            clocks = [replace(c, record="") for c in model.clocks if c.name in new]
+            shared = replace(model, clocks=tuple(clocks))
+            names = [clock.name for clock in clocks]
+            ghosts.append((self._columns(every, shared, names), [True] * len(clocks)))
         found = []
-        for ghosts in (list(map(_reversed, every)), _exchanged(every)):
-            columns = orthogonal(self._columns(ghosts, model, new), own)
+        for columns, own_numbers in ghosts:
             both = [
                 np.column_stack([rows[:, :-1], column, rows[:, -1]])
                 for rows, column in zip(
                     (*self.train.rows, *self.validation.rows), columns, strict=True
                 )
             ]
-            free = np.ones(columns[0].shape[1], dtype=np.bool_)
-            moves = np.concatenate([self.train.moves, free])
-            clocks = [self.evidence.only_judges(c) for c in model.clocks if c.name in new]
-            local = np.concatenate([self._own, self._new_own(model, new), clocks]).astype(np.bool_)
-            found.append(tuple(cross_fitted(both[:count], moves, both[count:], local)))
+            moves = np.concatenate([self.train.moves, np.ones(len(own_numbers), dtype=np.bool_)])
+            local_numbers = np.concatenate([self._own, np.array(own_numbers, dtype=np.bool_)])
+            found.append(tuple(cross_fitted(both[:count], moves, both[count:], local_numbers)))
         return (self.alone, *found)
 
     @property
@@ -264,16 +272,15 @@ class Linear:
         return of_experiment(self.variant)
 
     @staticmethod
-    def _new_own(model: Model, new: Collection[str]) -> BoolArray:
-        """Which columns of new names are numbers of the experiment."""
-        found = [
+    def _new_own(model: Model, new: Collection[str]) -> list[bool]:
+        """Which columns of new effects are numbers of the experiment."""
+        return [
             effect.clocked
             for effect in model.effects
             if effect.name in new
             for p in effect.parameters
             if not p.fixed
         ]
-        return np.array(found, dtype=np.bool_)
 
     @cached_property
     def alone(self) -> tuple[Array, ...]:
