@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES, RACE_STEPS
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
-from rdpi_gym.diagnosis.beam.score import cross_fitted, further_step, orthogonal, whole_step, within
+from rdpi_gym.diagnosis.beam.score import (
+    cross_fitted,
+    further_step,
+    orthogonal,
+    squares,
+    whole_step,
+    within,
+)
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
     JointFit,
@@ -136,7 +143,7 @@ def _refitted(evidence: Evidence, model: Model, parent: tuple[str, ...] | None) 
             ),
         )
     lefts = [*cross_fitted(rows, moves), *judged]
-    if not all(math.isfinite(left @ left) for left in lefts):
+    if not math.isfinite(squares(lefts)):
         return None
     # plays without a weight stay: what an effect takes up leaves others to be wanted
     found = replace(model, core=variant.hysteresis, effects=variant.effects)

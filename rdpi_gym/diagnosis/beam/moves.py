@@ -27,7 +27,14 @@ from rdpi_gym.diagnosis.beam.constants import (
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
 from rdpi_gym.diagnosis.beam.models import Model, clock_column, of_experiment
-from rdpi_gym.diagnosis.beam.score import Blocks, cross_fitted, further_step, gone_on, whole_step
+from rdpi_gym.diagnosis.beam.score import (
+    Blocks,
+    cross_fitted,
+    further_step,
+    gone_on,
+    squares,
+    whole_step,
+)
 from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import simulate_effects
@@ -173,10 +180,10 @@ class Place:
         lefts = cross_fitted(at.rows, at.moves, judged.rows, of_experiment(fit.variant))
         here = [rows[:, -1] for rows in (*at.rows, *judged.rows)]
         count = len(at.rows)
-        if _squares(lefts[:count]) < _squares(here[:count]):  # a step that was not taken
+        if squares(lefts[:count]) < squares(here[:count]):  # a step that was not taken
             own = at.moves & of_experiment(fit.variant)
             lefts = [*here[:count], *gone_on(at.rows, own, judged.rows)]
-        return Look(model, tuple(lefts), new) if math.isfinite(_squares(lefts)) else None
+        return Look(model, tuple(lefts), new) if math.isfinite(squares(lefts)) else None
 
     def stepped(self) -> Look | None:
         """The set itself after as many steps as a look takes; None where these lead nowhere."""
@@ -304,10 +311,6 @@ class Place:
             change = np.subtract(*models)
             left = left + change - change.mean()
         return np.column_stack([rows[:, :-1], column - column.mean(), left])
-
-
-def _squares(lefts: Sequence[Array]) -> float:
-    return sum(float(left @ left) for left in lefts)
 
 
 def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:

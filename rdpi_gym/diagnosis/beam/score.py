@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -69,6 +69,12 @@ class Blocks:
         """Return the mean square of each block over that of its record's floor, ``(B,)``."""
         floors_um2 = np.repeat(np.maximum(floors_um**2, 1e-300), self.counts)
         return np.asarray(self.mean_squares(lefts) / floors_um2)
+
+
+def squares(lefts: Iterable[Array]) -> float:
+    """Sum of squares of residuals (µm²); infinite where a fit has left the floats."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return sum(float(left @ left) for left in lefts)
 
 
 def cross_fitted(
