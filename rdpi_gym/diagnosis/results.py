@@ -63,7 +63,6 @@ _ORDER = [
     "checks",
     "seconds",
     "core",
-    "within_records",
 ]
 """Keys of a file, before those that only some kinds have."""
 
@@ -373,9 +372,6 @@ class SearchResult:
         unit of its output.
     core
         Which kind of hysteresis `plant` has, and how that was decided.
-    within_records
-        Whether errors are of a quarter of every record, held out in blocks: validation records do not
-        show what those to fit ask for.
     reservation, advice, limit_notices
         What `sampling`, `next_experiment` and `limits` are the texts of; None and empty in results
         of files that hold the texts alone.
@@ -411,7 +407,6 @@ class SearchResult:
     probabilities: Probabilities | None = None
     quantities: Quantities = field(default_factory=Quantities)
     core: CoreChoice = field(default_factory=lambda: CoreChoice(RDPI.name))
-    within_records: bool = False
     reservation: Notice | None = None
     advice: Notice | None = None
     limit_notices: tuple[Notice, ...] = ()
@@ -490,7 +485,6 @@ class SearchResult:
             self.undecided,
             self.sampling if self.reservation is None else request_of(self.reservation),
             "found" if self.probabilities is None else grade_of(self.probabilities.none),
-            self.within_records,
         )
         return self.quantities.fill(said)
 

@@ -129,7 +129,6 @@ class Thinned:
     # The samples at the beginning of records (``bool[N]``) that were given, of those that are read
     openings: Mapping[str, BoolArray]
     sentence: str  # what is read, and what is of all samples
-    in_part: bool = False  # whether a stretch alone is read of some record
 
 
 def thinned(
@@ -158,7 +157,7 @@ def thinned(
         size = cut.stop - cut.start if part.t_s.size > room else 0
         ways.setdefault((step, size), []).append(record.name)
     found = replace(dataset, records=tuple(records.get(r.name, r) for r in dataset.records))
-    return Thinned(found, few, _sentence(ways, dataset, total), any(size for _, size in ways))
+    return Thinned(found, few, _sentence(ways, dataset, total))
 
 
 def close_up(records: Sequence[Record]) -> tuple[Record, ...]:

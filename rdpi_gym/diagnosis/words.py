@@ -132,26 +132,24 @@ def headline(
     undecided: str | None,
     request: str | None,
     nothing: Grade,
-    within_records: bool = False,
 ) -> str:
     """Answer a search, as a template.
 
     `effects` are names with their grades and `nothing` is that of none;
-    `request` is what a reservation asks for; errors are of blocks held out `within_records`.
+    `request` is what a reservation asks for.
     """
-    error = "Error on blocks held out of every record" if within_records else "Error"
     before, after = (in_output(error) for error in errors_um)
     noise = f"noise {in_output(noise_um)}"
     rest = "" if request is None else f" {closed(request)}"
     if not effects:
-        numbers = f"{error} {after}, {noise}.{rest}"
+        numbers = f"Error {after}, {noise}.{rest}"
         if undecided is not None:
             return f"Undecided. {undecided} {numbers}"
         if verdict == "no missing effect":
             word = {"found": "", "likely": "probably "}.get(nothing, "possibly ")
             return capital(f"{word}nothing is missing. {numbers}")
         return f"Unexplained: no effect of the catalogue improves held-out error. {numbers}"
-    numbers = f"{error} {before.removesuffix(' {output_unit}')} to {after}, {noise}.{rest}"
+    numbers = f"Error {before.removesuffix(' {output_unit}')} to {after}, {noise}.{rest}"
     verb = {"addition": "Added", "removal": "Removed"}.get(asked)
     names = f"{verb}: {joined(list(effects))}" if verb else _missing(effects)
     if undecided is not None:

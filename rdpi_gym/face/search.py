@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -61,7 +61,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
     figure_inches: ClassVar[tuple[float, float]] = (9.5, 3.8)
 
     data: Dataset = field(kw_only=True, metadata=stored(omitted=True))
-    """The records that were searched, without validation records where blocks of all were held out."""
+    """The records that were searched."""
     own: Own = field(kw_only=True, default=(), metadata=stored(omitted=True))
     """Effects of the user's own that were tried beside the catalogue; not saved."""
 
@@ -192,18 +192,13 @@ class SearchResult(DisplayMixin, results.SearchResult):
             return f"Candidates, each added alone; without one {without}"
         return "Error, step by step"
 
-    @property
-    def _judged_by(self) -> str:
-        """Heading of the errors that decide."""
-        return "held-out blocks" if self.within_records else "validation"
-
     def overview(self) -> pd.DataFrame:
         """Return what :meth:`to_dataframe` does, in words and with units."""
         if self.kind == "diagnosis":
             rows = [
                 {
                     "candidate": c.effect,
-                    self._judged_by: in_output(c.errors.validation_rmse_um),
+                    "validation": in_output(c.errors.validation_rmse_um),
                     "share": _percent(c.share),
                     "confidence": _percent(c.confidence),
                     "indistinguishable from": ", ".join(c.indistinguishable),
@@ -211,14 +206,14 @@ class SearchResult(DisplayMixin, results.SearchResult):
                 }
                 for c in self.ranking
             ]
-            return self._table_in_units(pd.DataFrame(rows), self._judged_by)
+            return self._table_in_units(pd.DataFrame(rows), "validation")
         floor = self.noise_floor_um
         table = pd.DataFrame(
             [
                 {
                     "model": name,
                     "training": in_output(errors.train_rmse_um),
-                    self._judged_by: in_output(errors.validation_rmse_um),
+                    "validation": in_output(errors.validation_rmse_um),
                     "of the stroke": f"{errors.validation_nrmse_percent:.3g} %",
                     "times the noise floor": f"{errors.validation_rmse_um / floor:.2f}"
                     if floor > 0
@@ -227,7 +222,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
                 for name, errors in staircase(self)
             ]
         )
-        return self._table_in_units(table, "training", self._judged_by)
+        return self._table_in_units(table, "training", "validation")
 
     def brief(self) -> pd.DataFrame:
         """Return :meth:`overview` without the rivals and remarks of candidates."""
@@ -332,15 +327,7 @@ def _search(
     dataset = as_dataset(data)
     with in_words_of(dataset):
         found = function(dataset, given, catalogue=catalogue, **_asked(options))
-    return SearchResult.of(found, data=_split(dataset, found), own=own)
-
-
-def _split(dataset: measurement.Dataset, found: results.SearchResult) -> Dataset:
-    """Return the records as they were held out: errors of the model on them are those of the result."""
-    if not found.within_records:
-        return Dataset.of(dataset)
-    records = (replace(r, role="train") if r.role == "validation" else r for r in dataset.records)
-    return Dataset.of(replace(dataset, records=tuple(records)))
+    return SearchResult.of(found, data=Dataset.of(dataset), own=own)
 
 
 @with_options(CandidateOptions)
@@ -534,4 +521,4 @@ def _add(
         found = searches.add_effect(dataset, given, kind, **_asked(options))
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
-    return SearchResult.of(found, data=_split(dataset, found), own=own)
+    return SearchResult.of(found, data=Dataset.of(dataset), own=own)

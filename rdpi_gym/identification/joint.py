@@ -677,19 +677,6 @@ def effect_rows(
     return found
 
 
-def foreseen_um(
-    records: Sequence[Record],
-    start: Core,
-    effects: Sequence[Effect],
-    samples: int,
-    near: FirstSteps,
-) -> float:
-    """Error (µm rms) that the first step of :func:`first_steps` would leave, were the model linear."""
-    problem, best = _begun(records, start, effects, frozenset(), samples, 0.0)
-    here = problem.changes_at(best, near.columns, near.squares)
-    return math.sqrt(max(problem.foreseen(best, here), 0.0) / max(here.count, 1))
-
-
 def _begun(
     records: Sequence[Record],
     start: Core,

@@ -10,9 +10,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES
 from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.setting import SEARCH_SAMPLES, Outcome, Setting, assess, attempt
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, attempt
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
@@ -152,7 +153,7 @@ def _at_law(setting: Setting, fit: JointFit, plays: int, log_delta1: float) -> F
     """Give a model the thresholds of a law, and go one step towards its refit."""
     a = _rdpi(fit)
     start = RDPI.from_law((a.a0, *[a.S / plays] * plays), math.exp(log_delta1), a.delta2_s)
-    return first_steps(setting.train, start, fit.variant.effects, 1, samples=SEARCH_SAMPLES)
+    return first_steps(setting.train, start, fit.variant.effects, 1, samples=FIT_SAMPLES)
 
 
 def _without_tail(fit: JointFit) -> JointFit:

@@ -23,8 +23,6 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect
 from rdpi_gym.support.arrays import Array
 
-# Samples in the squares of a search: a thousand for each number; the errors are of all samples.
-SEARCH_SAMPLES = 24_000
 # Passes of a whole refit.
 _PASSES = 30
 
