@@ -301,17 +301,21 @@ def searched(
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)
             break
-        cases = [(one, scores.may_grow(one, best), one is best) for one in front]
-        for one, grows, _ in cases:
+        for k, one in enumerate(front):
+            scores = beam.scored()
+            grows = scores.may_grow(one, best_of(beam, scores))  # what was found since may forbid it
+            if not grows and len(one.model.effects) < 2:
+                continue
             if grows and one.model.core.name not in signatures:
                 signatures[one.model.core.name] = offered(evidence, one)
-        known = frozenset(beam.visited)
-        make = partial(expanded, beam.evidence, known, frozenset(done), signatures, cases, pool)
-        found = stage(f"round {number}", beam.visited, make)
-        if base in front and not with_all:
-            found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
+            known = frozenset(beam.visited)
+            case = (one, grows, one is best)
+            make = partial(expanded, beam.evidence, known, frozenset(done), signatures, case, pool)
+            found = stage(f"round {number}, set {k}", beam.visited, make)
+            if one is base and not with_all:
+                found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
+            beam.judge(found)
         done |= {one.key for one in front}
-        beam.judge(found)
     scores, best = _settled(beam, pool, stage)
     if not scores.is_at_floor(best):
         bare = [base] if best.model.effects else []
