@@ -76,7 +76,7 @@ def _moves_of(
     for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
         if grows:
-            others = bare.additions() if leads and bare.model.key not in done else []
+            others = bare.names() if leads and bare.model.key not in done else []
             found.append(Asked(of, bare, [*bare.forms(effect), *others], place))
         if bare.model.key not in known:
             found.append(Asked(of, bare, ((),), place))

@@ -226,6 +226,10 @@ class Place:
             asked += [(start,) for start in starts]
         return asked
 
+    def names(self) -> list[Starts]:
+        """Start of each of these effects that promises most."""
+        return [(forms[0][1].start,) for forms in list(self._new.values())[:LOOKED]]
+
     def pairs(self) -> list[Starts]:
         """Starts of the pairs of effects that promise most beyond the better one of them."""
         best = [forms[0] for forms in self._new.values()][: 2 * LOOKED]
