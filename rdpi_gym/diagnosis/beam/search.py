@@ -303,7 +303,9 @@ def searched(
             break
         for k, one in enumerate(front):
             scores = beam.scored()
-            grows = scores.may_grow(one, best_of(beam, scores))  # what was found since may forbid it
+            grows = scores.may_grow(
+                one, best_of(beam, scores)
+            )  # what was found since may forbid it
             if not grows and len(one.model.effects) < 2:
                 continue
             if grows and one.model.core.name not in signatures:
