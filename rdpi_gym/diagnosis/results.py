@@ -465,7 +465,11 @@ class SearchResult:
     @property
     def headline(self) -> str:
         """The answer in one line: which effect, how large, error before and after, noise."""
-        known = {effect.name: sized(effect) for effect in self.plant.effects}
+        stand_ins = {c.effect for c in self.added if self.grade(c) == "stand-in"}
+        known = {
+            effect.name: effect.full_name() if effect.name in stand_ins else sized(effect)
+            for effect in self.plant.effects
+        }
         removal = self.kind == "removal"
         names = self.removed if removal else [c.effect for c in self.added]
         before = self.given if removal and self.given is not None else self.base

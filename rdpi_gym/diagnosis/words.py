@@ -29,6 +29,8 @@ _NO_TEXTS = frozenset(["model", "plane", "plant", "quantities", "traces", "views
 _UNIT_IN_NAME = re.compile(r"(_per)?_(hz|V_s|um_s|s|V|um|rad)$")
 # Of the error without an effect, the share that is no improvement.
 _NO_BETTER = 0.98
+# Sizes of one effect that a sentence states; those of a curve are in the files.
+_MOST_SIZES = 4
 _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 _PLAIN = Quantities()
@@ -120,7 +122,8 @@ def sized(effect: Effect) -> str:
         unit = "" if parameter.unit == "1" else f" {unit_template(parameter.unit)}"
         quantity = _time(value) if parameter.unit == "s" else f"{_figures(value)}{unit}"
         sizes.append(f"{label} {quantity}")
-    return effect.full_name() + "".join(places) + (f" ({', '.join(sizes)})" if sizes else "")
+    said = f" ({', '.join(sizes)})" if 0 < len(sizes) <= _MOST_SIZES else ""
+    return f"{effect.full_name()}{''.join(places)}{said}"
 
 
 def headline(

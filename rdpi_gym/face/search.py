@@ -215,9 +215,7 @@ class SearchResult(DisplayMixin, results.SearchResult):
                     "training": in_output(errors.train_rmse_um),
                     "validation": in_output(errors.validation_rmse_um),
                     "of the stroke": f"{errors.validation_nrmse_percent:.3g} %",
-                    "times the noise floor": f"{errors.validation_rmse_um / floor:.2f}"
-                    if floor > 0
-                    else "",
+                    "noise floors": f"{errors.validation_rmse_um / floor:.2f}" if floor > 0 else "",
                 }
                 for name, errors in staircase(self)
             ]

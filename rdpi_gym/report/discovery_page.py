@@ -101,8 +101,10 @@ _HOW = (
     "records. It is judged by its RMS error on the validation records, with one free offset in each.\n"
     "- The noise floor is the part of the error that no model can explain. A model whose error has "
     "reached it cannot be improved on these records.\n"
-    "- The probability of an effect, of a discovery, is how often such an effect was there in a study of "
-    "plants whose effects are known. Two effects can be there at once, so they do not add up to 100 %.\n"
+    "- The probability of an effect, of a discovery, is the weight of the sets that have it, of all sets "
+    "that were refitted. Two effects can be there at once, so they do not add up to 100 %.\n"
+    "- An effect is found from 90 % on and likely from 50 %. A stand-in lowers the error and is not the "
+    "cause: a free block in its place leaves less, or it takes less than is left.\n"
     "- The confidence, of a diagnosis, is that in the effect or one that is indistinguishable from it on "
     "these records. Where such rivals are named, the next experiment decides between them.\n"
     "- The share is the part of the squared error above noise that an effect removes on the validation "
@@ -238,7 +240,7 @@ def _portrait(result: SearchResult) -> list[Section]:
 
 
 def candidate_sections(result: SearchResult) -> list[Section]:
-    """Show the candidates of each round, best first; none where no candidate was tried."""
+    """Show the candidates of each step, best first; none where no candidate was tried."""
     rounds = tuple(candidates for candidates in result.stated_rounds if candidates)
     if not rounds:
         return []
@@ -246,7 +248,7 @@ def candidate_sections(result: SearchResult) -> list[Section]:
     without, present = result.base, list[str]()
     for number, candidates in enumerate(rounds, start=1):
         taken = _chosen(result, candidates, present)
-        name = f"Round {number}: added to {joined(present)}" if present else "Round 1"
+        name = f"Step {number}: added to {joined(present)}" if present else "Step 1"
         figures[name] = ranking(candidates, result.noise_floor_um, without, taken)
         tables.append(_candidate_table(candidates, number, result.probabilities))
         present += taken
@@ -254,11 +256,11 @@ def candidate_sections(result: SearchResult) -> list[Section]:
         without = next((s.errors for s in reached if list(s.effects) == taken), without)
     table = pd.concat(tables, ignore_index=True)
     if len(rounds) == 1:
-        table = table.drop(columns="Round")
+        table = table.drop(columns="Step")
     best = rounds[0][0]
     least = in_output(best.errors.validation_rmse_um)
     seen = (
-        f"The smallest validation error of the first round is {least}, with {best.effect}. Each "
+        f"The smallest validation error of the first step is {least}, with {best.effect}. Each "
         "candidate was added alone and refitted with the model: shares of those that explain the same "
         "error add up to more than 100 %."
         if len(rounds[0]) > 1
@@ -295,7 +297,7 @@ def _evidence(result: SearchResult) -> list[Section]:
 def _chosen(
     result: SearchResult, candidates: Sequence[Candidate], present: Sequence[str]
 ) -> list[str]:
-    """Name the candidates that were taken in a round, also those taken out again later."""
+    """Name the candidates that were taken in a step, also those taken out again later."""
     groups = [list(step.effects) for step in result.steps]
     following = next((group for group in groups if group[0] not in present), [])
     for candidate in candidates:
@@ -312,8 +314,9 @@ def _candidate_table(
     table = pd.DataFrame(
         [
             {
-                "Round": number,
+                "Step": number,
                 "effect": c.effect,
+                "grade": c.grade,
                 "validation_rmse_um": _known(c.errors.validation_rmse_um),
                 "train_rmse_um": _known(c.errors.train_rmse_um),
                 "Removed of the squared error above noise (%)": _known(100.0 * c.share),
@@ -324,7 +327,7 @@ def _candidate_table(
             for c in candidates
         ]
     )
-    if chances is not None:  # they are of the whole search, and known in every round
+    if chances is not None:  # they are of the whole search, and known in every step
         table[_CERTAINTY] = [100.0 * chances.effects.get(c.effect, math.nan) for c in candidates]
         table = table.rename(columns={_CERTAINTY: "Probability (%)"})
     return table

@@ -32,11 +32,12 @@ def probability_phrase(candidate: Candidate, chances: Probabilities | None) -> s
     known = {} if chances is None else chances.effects
     form = f", {candidate.form}" if candidate.form else ""
     own = known.get(candidate.effect)
-    sure = (
-        f"confidence {_percent(candidate.confidence)}"
-        if own is None
-        else f"{_percent(own)} probable"
-    )
+    if candidate.grade == "stand-in":
+        sure = "a stand-in"
+    elif own is None:
+        sure = f"confidence {_percent(candidate.confidence)}"
+    else:
+        sure = f"{_percent(own)} probable"
     text = f"{candidate.effect}{form}: {sure}"
     if math.isfinite(candidate.share) and candidate.share > 0.0:
         text += f", removes {_percent(candidate.share)} of the squared error above noise"
@@ -54,7 +55,7 @@ def candidate_sentence(
     if candidate.without_um is not None and beside_others:
         text += f"; error without it, all else refitted, {in_output(candidate.without_um)}"
     if candidate.grade == "stand-in":
-        text += "; a stand-in: a free block in its place leaves less, or it takes less than is left"
+        text += "; a free block in its place leaves less, or it takes less than is left"
     if candidate.indistinguishable:
         text += f"; indistinguishable from {joined(candidate.indistinguishable)} on these records"
     text = closed(text)

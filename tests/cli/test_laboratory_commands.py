@@ -127,7 +127,7 @@ def test_discover(data, tmp_path, capsys):
     assert printed.count("probable") == 1
     check_one_thing(printed, out / "report.html")
     assert "+ creep" in printed
-    assert "times the noise floor" in printed
+    assert "noise floors" in printed
     page = (out / "report.html").read_text(encoding="utf-8")
     assert printed.splitlines()[0] in page
     names = ["candidates.jsonl", "discovery.json", "model.json", "report.html"]

@@ -217,7 +217,7 @@ def test_rounds_name_what_was_there(made_discovery):
     for result in (whole, removed):  # an effect taken out again is shown where it was taken
         section = candidates.candidate_sections(result)[0]
         assert list(section.figure) == [
-            "Round 1", "Round 2: added to creep", "Round 3: added to creep and resonance",
+            "Step 1", "Step 2: added to creep", "Step 3: added to creep and resonance",
         ]  # fmt: skip
     section = candidates.candidate_sections(whole)[0]
     reference = [

@@ -30,6 +30,7 @@ from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, evidence
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.diagnosis.suitability import close_up, limits, unrelated
 from rdpi_gym.diagnosis.words import template, text_of
+from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects.base import Effect
@@ -46,6 +47,21 @@ class Course:
     beam: Beam
     scores: Scores
     best: Visited
+
+    @cached_property
+    def whole(self) -> Evidence:
+        """The records in full."""
+        return self.evidence.in_full
+
+    @cached_property
+    def _errors(self) -> dict[tuple[str, ...], Errors]:
+        return {}
+
+    def errors_of(self, one: Visited) -> Errors:
+        """Return the errors of a set on all records in full."""
+        if one.key not in self._errors:
+            self._errors[one.key] = judged(self.whole, one).errors
+        return self._errors[one.key]
 
     @cached_property
     def weights(self) -> dict[tuple[str, ...], float]:
@@ -124,7 +140,7 @@ def ended(
     course = course.sound
     evidence, best = course.evidence, course.best
     clocks = best.model.clocks
-    whole, searched = evidence.in_full, _setting(evidence.mended(clocks))
+    whole, searched = course.whole, _setting(evidence.mended(clocks))
     noise_um, origin = whole.floor(best.lefts)
     law, said = in_few_numbers(
         searched, assess(searched, "", best.fit), given, noise_um, pool or Pool(1)
@@ -143,7 +159,7 @@ def ended(
             setting, train=close_up(setting.train), validation=close_up(setting.validation)
         )
     base = law if course.best is course.way[0] else judged(whole, course.way[0])
-    added = _steps(course, whole, law, base, noise_um)
+    added = _steps(course, law, base, noise_um)
     records = list({r.name: r for r in (*whole.train, *whole.validation)}.values())
     turned = (template("turned"),) if evidence.sign < 0.0 else ()
     refused = course.beam.refused if evidence.offer.begins_with_all else {}
@@ -171,7 +187,7 @@ def ended(
         findings=evidence.findings,
         core=_core(course),
         added=added,
-        rounds=_rounds(course, whole, added, noise_um, failed),
+        rounds=_rounds(course, added, noise_um, failed),
         last=[c for c in added if c.errors is added[-1].errors],
         probabilities=_probabilities(course) if discovered else None,
         clocks=tuple(clock_finding(clock, records) for clock in clocks),
@@ -193,18 +209,16 @@ def _setting(evidence: Evidence) -> Setting:
     return Setting(evidence.train, evidence.validation, evidence.scale)
 
 
-def _steps(
-    course: Course, whole: Evidence, end: Outcome, base: Outcome, noise_um: float
-) -> list[Candidate]:
+def _steps(course: Course, end: Outcome, base: Outcome, noise_um: float) -> list[Candidate]:
     """Return the effects of the best set, in the order of the sets on the way to it."""
     found: list[Candidate] = []
     present, before = {effect.name for effect in course.way[0].model.effects}, base.errors
     for one in course.way[1:]:
-        errors = end.errors if one is course.best else judged(whole, one).errors
+        errors = end.errors if one is course.best else course.errors_of(one)
         for effect in course.effects_of(one.model):
             if effect.name not in present:
-                candidate = _candidate(course, effect.name, before, errors, noise_um, end)
-                found.append(_beside_others(course, whole, candidate))
+                candidate = _candidate(course, effect.name, before, errors, noise_um, end.fit)
+                found.append(_beside_others(course, candidate))
         present |= {effect.name for effect in one.model.effects}
         before = errors
     return found
@@ -212,7 +226,6 @@ def _steps(
 
 def _rounds(
     course: Course,
-    whole: Evidence,
     added: Sequence[Candidate],
     noise_um: float,
     failed: Sequence[Candidate],
@@ -220,15 +233,15 @@ def _rounds(
     """Return for each set on the way the effects that were refitted beside it, those added first."""
     found = list[tuple[Candidate, ...]]()
     for one in course.way:
-        before = judged(whole, one).errors
+        before = course.errors_of(one)
         tried = []
         for name, other in course.beside(one).items():
-            outcome = judged(whole, other, name)
-            tried.append(_candidate(course, name, before, outcome.errors, noise_um, outcome))
+            errors = course.errors_of(other)
+            tried.append(_candidate(course, name, before, errors, noise_um, other.fit))
         tried.sort(key=lambda c: c.errors.validation_rmse_um)
         have = {effect.name for effect in one.model.effects}
-        errors = next((c.errors for c in added if c.effect not in have), None)
-        chosen = [c for c in added if c.errors is errors]
+        first = next((c.errors for c in added if c.effect not in have), None)
+        chosen = [c for c in added if c.errors is first]
         names = {c.effect for c in chosen}
         others = [c for c in tried if c.effect not in names]
         found.append((*chosen, *others, *(() if found else failed)))
@@ -236,10 +249,10 @@ def _rounds(
 
 
 def _candidate(
-    course: Course, name: str, before: Errors, after: Errors, noise_um: float, outcome: Outcome
+    course: Course, name: str, before: Errors, after: Errors, noise_um: float, fit: JointFit | None
 ) -> Candidate:
     """Return an effect that takes one error to another, with its numbers in a refit."""
-    fit, own = outcome.fit, course.names.get(name)
+    own = course.names.get(name)
     assert fit is not None
     effects = {effect.name for effect in fit.variant.effects}
     kinds = course.evidence.offer.effects
@@ -262,7 +275,7 @@ def _candidate(
     return of_effect(candidate, fit, name) if name in effects else candidate
 
 
-def _beside_others(course: Course, whole: Evidence, candidate: Candidate) -> Candidate:
+def _beside_others(course: Course, candidate: Candidate) -> Candidate:
     """Add what all others leave without an effect, and with another one in its place."""
     others = course.best.model.names - {candidate.effect}
     fewer = course.named(others)
@@ -270,8 +283,8 @@ def _beside_others(course: Course, whole: Evidence, candidate: Candidate) -> Can
     for name in candidate.indistinguishable:
         rival = course.named(others | {name})
         if name not in others and rival is not None:
-            instead[name] = judged(whole, rival).errors.validation_rmse_um
-    without_um = None if fewer is None else judged(whole, fewer).errors.validation_rmse_um
+            instead[name] = course.errors_of(rival).validation_rmse_um
+    without_um = None if fewer is None else course.errors_of(fewer).validation_rmse_um
     return replace(candidate, without_um=without_um, instead=instead)
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from rdpi_gym.diagnosis.beam.constants import READ_SAMPLES
+from rdpi_gym.diagnosis.beam.constants import LEVEL, READ_SAMPLES
 from rdpi_gym.diagnosis.features.noise import (
     MeasuredNoise,
     floor_from,
+    floor_spread,
     measured_noise,
     quiet_noise,
     rough_parts,
@@ -32,6 +34,9 @@ from rdpi_gym.plant.effects import CATALOGUE, Effect
 from rdpi_gym.plant.effects.base import DataScale
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+
+_SURE = NormalDist().inv_cdf(1.0 - LEVEL)
+"""Standard errors above the noise floor up to which it may be."""
 
 ClockKind = Literal["delay", "skew", "step"]
 
@@ -182,9 +187,10 @@ class Evidence:
         return floor_from(self.noise, rough_parts(lefts), slowness(lefts))
 
     def floors_um(self, lefts: Sequence[Array]) -> Array:
-        """Return the floor of each record (µm rms): noise, and what the simulation leaves open."""
+        """Return the floor of each record (µm rms): the noise at most, and what the simulation leaves open."""
         numerical_um = self.numerical_um or (0.0,) * len(lefts)
-        return np.hypot(self.floor_um(lefts), numerical_um)
+        spread = floor_spread(self.noise, rough_parts(lefts), slowness(lefts))
+        return np.hypot((1.0 + _SURE * spread) * self.floor_um(lefts), numerical_um)
 
 
 def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:

@@ -76,7 +76,7 @@ def _moves_of(
     for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
         if grows:
-            others = bare.additions() if leads and bare.model.key not in done else []
+            others = bare.names() if leads and bare.model.key not in done else []
             found.append(Asked(of, bare, [*bare.forms(effect), *others], place))
         if bare.model.key not in known:
             found.append(Asked(of, bare, ((),), place))
@@ -158,24 +158,19 @@ def expanded(
     known: Collection[Key],
     done: Collection[Key],
     signatures: Mapping[str, Sequence[Signature]],
-    cases: Sequence[tuple[Visited, bool, bool]],
+    case: tuple[Visited, bool, bool],
     pool: Pool,
 ) -> list[Visited]:
-    """Return the sets that moves make of those of a beam, those that the race leaves refitted whole.
+    """Return the sets that moves make of one of a beam, those that the race leaves refitted whole.
 
-    With each set stands whether there is anything that more effects could take, and whether it leads.
+    With the set stands whether there is anything that more effects could take, and whether it leads.
     Sets without an effect that are `known` are not refitted again, and names are not exchanged where
     the set without them is `done`.
     """
-    asked = pool.map(partial(_asked, evidence, known, done, signatures), cases)
-    found = _expanded(evidence, [each for own in asked for each in own], pool)
-    rivals = [
-        (m, one.key)
-        for one, g, _ in cases
-        if g
-        for m in exchanged(one.model, evidence.scale, evidence.offer)
-    ]
-    return [*found, *_whole(evidence, known, rivals, pool)]
+    of, grows, _ = case
+    found = _expanded(evidence, _asked(evidence, known, done, signatures, case), pool)
+    models = exchanged(of.model, evidence.scale, evidence.offer) if grows else []
+    return [*found, *_whole(evidence, known, [(model, of.key) for model in models], pool)]
 
 
 def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:

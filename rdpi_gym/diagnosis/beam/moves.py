@@ -226,12 +226,16 @@ class Place:
         return self._promised([*self.signed(shown), *own])
 
     def additions(self) -> list[Starts]:
-        """Starts of the effects that promise most, of every form: a step says little of a kinked one."""
-        asked: list[Starts] = []
-        for forms in list(self._new.values())[:LOOKED]:
-            starts = [start for _, own in forms for start in (own.start, *own.further)]
-            asked += [(start,) for start in starts]
-        return asked
+        """Starts of the effects that promise most, of every form: a step says little of a curved one."""
+        return [(own.start,) for forms in self._first for _, own in forms]
+
+    def names(self) -> list[Starts]:
+        """Start of each of these effects that promises most."""
+        return [(forms[0][1].start,) for forms in self._first]
+
+    @property
+    def _first(self) -> list[list[tuple[float, Promise]]]:
+        return list(self._new.values())[:LOOKED]
 
     def pairs(self) -> list[Starts]:
         """Starts of the pairs of effects that promise most beyond the better one of them."""

@@ -34,16 +34,22 @@ from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.identification.cores import first_fit
-from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint, or_none
+from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, RDPI
 from rdpi_gym.plant.cores.base import Core
+from rdpi_gym.plant.cores.families import ThresholdCore
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.parallel import ALONE, Pool
 from rdpi_gym.support.progress import Progress, silent
+
+# A tent between two thresholds, whose height is that of a play at a place that is drawn between them,
+# has on average this share of the square of what a weight split onto both neighbours changes.
+_TEETH = 30.0
 
 OnVisited = Callable[[Visited], None]
 """Told of each set that is visited for the first time."""
@@ -144,7 +150,7 @@ class Beam:
         variant = Variant(least.model.core, least.model.effects)
         here = self.evidence.mended(least.model.clocks)
         numerical_um = [
-            min(numerical_floor(variant, [record]).borne_um, float(np.sqrt(np.mean(left**2))))
+            min(_open_um(variant, record), float(np.sqrt(np.mean(left**2))))
             for record, left in zip((*here.train, *here.validation), least.lefts, strict=True)
         ]
         return replace(self.evidence, numerical_um=tuple(numerical_um))
@@ -168,6 +174,16 @@ class Beam:
 
     def _parent(self, one: Visited) -> Visited:
         return self.visited[one.parent] if one.parent is not None else one
+
+
+def _open_um(variant: Variant[Core], record: Record) -> float:
+    """What the simulation of a record leaves open (µm rms): between its samples, and thresholds."""
+    core, numerical_um = variant.hysteresis, numerical_floor(variant, [record]).borne_um
+    if not isinstance(core, ThresholdCore) or core.n < 3:
+        return numerical_um
+    both = simulate_effects([variant, replace(variant, hysteresis=core.blurred())], record)
+    change = (both[:, 1] - both[:, 0])[record.error_mask]
+    return math.hypot(numerical_um, float(np.std(change)) / math.sqrt(_TEETH))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,9 +223,23 @@ class Scores:
 
     def is_at_floor(self, one: Visited) -> bool:
         """Whether all that is left could not pay for one effect more."""
+        return self._left(one) < self._price
+
+    def may_grow(self, one: Visited, best: Visited) -> bool:
+        """Whether one effect more, were nothing left then, could make a set weigh more than the best one."""
+        more = 1 + max(len(one.model.names) - len(best.model.names), 0)
+        return not self.is_at_floor(one) and self._left(best) >= more * self._price
+
+    @property
+    def _price(self) -> float:
+        """What one effect has to gain (nats)."""
+        return log_prior(0, self.offered) - log_prior(1, self.offered)
+
+    def _left(self, one: Visited) -> float:
+        """Nats that a set leaves above the floor."""
         ratio = self.blocks.ratios(one.lefts, self.floors_um)
-        left = max(float(np.log(np.maximum(ratio, 1e-12)).mean()), 0.0) * ratio.size / TEMPERATURE
-        return left < log_prior(0, self.offered) - log_prior(1, self.offered)
+        mean = float(np.log(np.maximum(ratio, 1e-12)).mean())
+        return max(mean, 0.0) * ratio.size / TEMPERATURE
 
     def chances_of(self, moves: Sequence[Visited]) -> list[float]:
         """Return for each move the chance that it is no better than its parent and its phantoms."""
@@ -265,23 +295,29 @@ def searched(
         scores = beam.scored()
         best = best_of(beam, scores)
         front = [one for one in _front(beam, scores) if one.key not in done]
-        front = [one for one in front if not scores.is_at_floor(one) or len(one.model.effects) > 1]
+        front = [o for o in front if scores.may_grow(o, best) or len(o.model.effects) > 1]
         if not front:  # where no name pays any more, and none is an initial memory
             spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)
             break
-        cases = [(one, not scores.is_at_floor(one), one is best) for one in front]
-        for one, grows, _ in cases:
+        for k, one in enumerate(front):
+            scores = beam.scored()
+            grows = scores.may_grow(
+                one, best_of(beam, scores)
+            )  # what was found since may forbid it
+            if not grows and len(one.model.effects) < 2:
+                continue
             if grows and one.model.core.name not in signatures:
                 signatures[one.model.core.name] = offered(evidence, one)
-        known = frozenset(beam.visited)
-        make = partial(expanded, beam.evidence, known, frozenset(done), signatures, cases, pool)
-        found = stage(f"round {number}", beam.visited, make)
-        if base in front and not with_all:
-            found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
+            known = frozenset(beam.visited)
+            case = (one, grows, one is best)
+            make = partial(expanded, beam.evidence, known, frozenset(done), signatures, case, pool)
+            found = stage(f"round {number}, set {k}", beam.visited, make)
+            if one is base and not with_all:
+                found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
+            beam.judge(found)
         done |= {one.key for one in front}
-        beam.judge(found)
     scores, best = _settled(beam, pool, stage)
     if not scores.is_at_floor(best):
         bare = [base] if best.model.effects else []

@@ -9,7 +9,7 @@ numbers explain of it (the score test of Rao 1948).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import groupby
 
@@ -84,7 +84,6 @@ class Promise:
     signature: Signature
     step: Array  # Of the effect's parameters
     squares: float  # That are left of the records to fit after this step (µm²)
-    further: tuple[Effect, ...] = ()  # The start of the same form that promises next most
 
     @property
     def start(self) -> Effect:
@@ -155,8 +154,7 @@ class Foresight:
             step = bounded(gram[:-1, :-1], rhs, own.ways)
             squares = total - 2.0 * float(step @ rhs) + float(step @ gram[:-1, :-1] @ step)
             found.setdefault(type(own.start), []).append(Promise(own, step, squares))
-        ordered = [sorted(each, key=lambda own: own.squares) for each in found.values()]
-        return [replace(best, further=tuple(o.start for o in rest[:1])) for best, *rest in ordered]
+        return [min(each, key=lambda own: own.squares) for each in found.values()]
 
     def after(self, promise: Promise) -> list[Array]:
         """Return what the set would leave after the step (µm), by record."""

@@ -28,6 +28,9 @@ _STRIDES, _GROWS, _LEVEL, _SLOWEST = (1, 2, 4, 8), 1.05, 0.12, 2.0
 _SLOWEST_SEEN = 4.0  # times white noise, in quiet records and repetitions
 _MOST = 40_000
 _UNLIKE = 5.0  # times what repetitions usually differ by
+# Samples for one independent value: the median of third differences of white noise is known to 2.13
+# times what its standard deviation would be.
+_SAMPLES_EACH = 4.5
 _EXACT = 1e-6  # of the stroke: so little is no difference
 
 
@@ -176,6 +179,7 @@ class _Level:
     value_um: float
     samples: int
     origin: Statement
+    each: float = 1.0  # Samples that tell as much as one whose noise is seen as it is
 
 
 @dataclass(frozen=True)
@@ -224,6 +228,29 @@ def floor_from(
     measured: MeasuredNoise, rough: Sequence[tuple[float, int]], colour: float
 ) -> tuple[float, Statement]:
     """Noise floor (µm, rms) and its origin; `colour` of the residuals counts where no record shows one."""
+    alike = _alike(measured, rough, colour)
+    if not alike:
+        return 0.0, statement("noise/unknown")
+    floor = math.sqrt(
+        sum(level.samples * level.value_um**2 for level in alike)
+        / sum(level.samples for level in alike)
+    )
+    most = max(alike, key=lambda level: level.samples)
+    return floor, statement("noise", floor=floor, origin=most.origin)
+
+
+def floor_spread(
+    measured: MeasuredNoise, rough: Sequence[tuple[float, int]], colour: float
+) -> float:
+    """Relative standard error of the floor, as of the standard deviation of white noise."""
+    counts = [level.samples / level.each for level in _alike(measured, rough, colour)]
+    return 1.0 / math.sqrt(2.0 * sum(counts)) if counts else 0.0
+
+
+def _alike(
+    measured: MeasuredNoise, rough: Sequence[tuple[float, int]], colour: float
+) -> list[_Level]:
+    """Return the smallest level, and those that agree with it."""
     found = list(measured.levels)
     if measured.colours:
         colour = max(1.0, float(np.median(measured.colours)))
@@ -232,18 +259,11 @@ def floor_from(
         if colour > _COLOURED:
             origin = statement("noise/coloured", colour=colour)
         typical = colour * float(np.median([value for value, _ in rough]))
-        found.append(_Level(typical, sum(size for _, size in rough), origin))
-    if not found:
-        return 0.0, statement("noise/unknown")
-    smallest = min(found, key=lambda level: level.value_um)
+        samples = sum(size for _, size in rough)
+        found.append(_Level(typical, samples, origin, _SAMPLES_EACH))
+    smallest = min((level.value_um for level in found), default=0.0)
     # what agrees with the smallest is averaged, so that chance does not choose
-    alike = [level for level in found if level.value_um <= _ALIKE * smallest.value_um]
-    floor = math.sqrt(
-        sum(level.samples * level.value_um**2 for level in alike)
-        / sum(level.samples for level in alike)
-    )
-    most = max(alike, key=lambda level: level.samples)
-    return floor, statement("noise", floor=floor, origin=most.origin)
+    return [level for level in found if level.value_um <= _ALIKE * smallest]
 
 
 def _rms(spread: Array) -> float:

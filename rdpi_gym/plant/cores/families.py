@@ -170,6 +170,16 @@ class ThresholdCore(Core):
             weights[np.argmin(np.abs(rest - threshold_V))] += weight
         return self._with((*before, *weights.tolist()), whole.thresholds_V)
 
+    def blurred(self) -> Self:
+        """Return the core with each weight split onto the thresholds beside its own, the ends as they are."""
+        before, own = self._apart
+        rest, weights = np.array(self.thresholds_V), np.array(own)
+        up = (rest[1:-1] - rest[:-2]) / (rest[2:] - rest[:-2])
+        split = np.array([weights[0], *np.zeros(len(up)), weights[-1]])
+        split[2:] += up * weights[1:-1]
+        split[:-2] += (1.0 - up) * weights[1:-1]
+        return self._with((*before, *split.tolist()), self.thresholds_V)
+
     def slim(self) -> Self:
         """Return the core without the thresholds that have no weight; those of a law stay together."""
         rest = np.array(self.thresholds_V)
