@@ -174,9 +174,7 @@ def judged(row: Row) -> dict[str, Any]:
     right = set(row["subject"]) | set(row.get("truth", {}).get("excused", ()))
     for name in row["subject"]:
         right |= set(row.get("truth", {}).get("alike", {}).get(name, ()))
-    wrong = [
-        s for s in row.get("steps", ()) if s["effect"] not in right or row["study"] == "outside"
-    ]
+    wrong = [s for s in row.get("steps", ()) if s["effect"] not in right]
     found = [s for s in wrong if s.get("grade", "found") == "found"]
     return {
         "engine": row["engine"], "stratum": row["stratum"], "subject": verdict["subject"],
