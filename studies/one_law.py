@@ -1,11 +1,12 @@
-"""The search by one law beside today's: paired on plants of both studies, on measured and on long records.
+"""The search on plants of both studies, on measured and on long records, beside stored rows of the one before.
 
     python -m studies.one_law --plants 40 --seed 11
     RDPI_DATA=... python -m studies.one_law --part measured
-    python -m studies.one_law --part long --searches beam
+    python -m studies.one_law --part long
 
 Plants are drawn over the strata of the study of foreign effects and, a fifth of them, of the study
-of hidden effects. Each is diagnosed by both searches in one process each; times are processor time.
+of hidden effects; times are processor time. Rows of the search before this one are those of the same
+command at commit ad1f42e6, and are not made again.
 """
 
 from __future__ import annotations
@@ -24,13 +25,12 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from benchmarks.effect_discovery.cases import Case, Source, found
+from benchmarks.effect_discovery.cases import Case, Source
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.report import judge
-from benchmarks.rows import run_rows, stored_rows
+from benchmarks.rows import ROWS_FILE, run_rows, stored_rows
 from rdpi_gym.diagnosis.beam import Diagnosis, diagnose
-from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.suitability import falls
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.scale import data_scale
@@ -46,13 +46,13 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
-from rdpi_gym.support.store import Row
+from rdpi_gym.support.store import Row, named_rows
 from rdpi_gym.virtual_lab.draws import MaskedError
 from studies.measured_effects import SETS, WAYS, fit_by_hand, peak_to_peak, splits
 from studies.runner import Files, Study, names_of
 
 RESULTS = Path(__file__).parent / "results" / "one_law"
-Engine = Literal["today", "beam"]
+BEFORE, BEAM = "before", "beam"
 SHARES: Mapping[str, tuple[Source, str, float]] = {
     "single": (FOREIGN, "single", 0.3),
     "double": (FOREIGN, "double", 0.2),
@@ -67,27 +67,26 @@ SHARES: Mapping[str, tuple[Source, str, float]] = {
 
 @dataclass(frozen=True)
 class Unit:
-    """One plant and one search."""
+    """One plant."""
 
     stratum: str
     case: Case
-    engine: Engine
 
     @property
     def key(self) -> str:
         """Name of its row."""
-        return f"{self.engine}/{self.stratum}/{self.case.key}"
+        return f"{BEAM}/{self.stratum}/{self.case.key}"
 
 
-def units(plants: int, seed: int, engine: Engine) -> list[Unit]:
-    """List the plants of all strata for one search; any beginning of them is a fair sample."""
+def units(plants: int, seed: int) -> list[Unit]:
+    """List the plants of all strata; any beginning of them is a fair sample."""
     chosen: list[tuple[float, Unit]] = []
     for stratum, (source, study, share) in SHARES.items():
         count = max(round(share * plants), 1)
         cases = source.cases([study], count, seed, source.effects)
         step = max(len(cases) // count, 1)  # of the first study every subject has so many
         own = cases[::step][:count]
-        chosen += [((k + 0.5) / count, Unit(stratum, case, engine)) for k, case in enumerate(own)]
+        chosen += [((k + 0.5) / count, Unit(stratum, case)) for k, case in enumerate(own)]
     return [unit for _, unit in sorted(chosen, key=lambda each: each[0])]
 
 
@@ -95,7 +94,7 @@ def run_unit(unit: Unit, code: str) -> Row:
     """Diagnose one plant; one that cannot be seen, or a failure, is a row too."""
     case, source = unit.case, SHARES[unit.stratum][0]
     row: Row = {
-        "key": unit.key, "engine": unit.engine, "stratum": unit.stratum, "study": case.study,
+        "key": unit.key, "engine": BEAM, "stratum": unit.stratum, "study": case.study,
         "subject": list(case.subject), "number": case.number, "seed": case.seed, "code": code,
     }  # fmt: skip
     try:
@@ -105,26 +104,10 @@ def run_unit(unit: Unit, code: str) -> Row:
     row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
     began = time.process_time()
     try:
-        said, _ = ENGINES[unit.engine](prepared.dataset)
+        result = diagnose(prepared.dataset)
     except Exception as error:  # one failure must not end the study, and it counts
         return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
-    return row | {"status": "done", "seconds": time.process_time() - began} | said
-
-
-Said = tuple[dict[str, Any], Variant[Core]]
-"""Contents of a row, and the model."""
-
-
-def _today(dataset: Dataset) -> Said:
-    result = discover(dataset, jobs=1)
-    findings = [{"kind": finding.kind} for finding in result.findings]
-    said = found(result) | {"findings": findings, "core": result.plant.hysteresis.name}
-    return said, Variant(result.plant.hysteresis, result.plant.effects)
-
-
-def _beam(dataset: Dataset) -> Said:
-    result = diagnose(dataset)
-    return said_of(result), Variant(result.model.core, result.model.effects)
+    return row | {"status": "done", "seconds": time.process_time() - began} | said_of(result)
 
 
 def said_of(found: Diagnosis) -> dict[str, Any]:
@@ -149,23 +132,20 @@ def said_of(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-ENGINES: Mapping[Engine, Callable[[Dataset], Said]] = {"today": _today, "beam": _beam}
 _ROOMS = ("plant", "measurement", "identification", "diagnosis")
 
 
-def _code(engine: Engine) -> str:
-    files = room_files(*_ROOMS)
-    kept = files if engine == "beam" else [f for f in files if "beam" not in f.parts]
-    return fingerprint(code_parts(kept))
-
-
-def _rows(chosen: Namespace, engine: Engine) -> list[Row]:
-    code, asked = _code(engine), units(chosen.plants, chosen.seed, engine)
+def _rows(chosen: Namespace) -> list[Row]:
+    asked = units(chosen.plants, chosen.seed)
+    before = named_rows(chosen.out / BEFORE / ROWS_FILE).rows
+    keys = [f"{BEFORE}/{unit.key.partition('/')[2]}" for unit in asked]
+    known = [before[key] for key in keys if key in before]
     if chosen.tables:
-        return stored_rows(asked, chosen.out / engine)
-    run = partial(run_unit, code=code)
+        return [*known, *stored_rows(asked, chosen.out / BEAM)]
+    code = fingerprint(code_parts(room_files(*_ROOMS)))
     with progress_bar() as show:
-        return run_rows(asked, chosen.out / engine, run, code, chosen.jobs, show)
+        run = partial(run_unit, code=code)
+        return [*known, *run_rows(asked, chosen.out / BEAM, run, code, chosen.jobs, show)]
 
 
 def judged(row: Row) -> dict[str, Any]:
@@ -174,12 +154,10 @@ def judged(row: Row) -> dict[str, Any]:
     right = set(row["subject"]) | set(row.get("truth", {}).get("excused", ()))
     for name in row["subject"]:
         right |= set(row.get("truth", {}).get("alike", {}).get(name, ()))
-    wrong = [
-        s for s in row.get("steps", ()) if s["effect"] not in right or row["study"] == "outside"
-    ]
+    wrong = [s for s in row.get("steps", ()) if s["effect"] not in right]
     found = [s for s in wrong if s.get("grade", "found") == "found"]
     return {
-        "engine": row["engine"], "stratum": row["stratum"], "subject": verdict["subject"],
+        "plant": _plant(row), "engine": row["engine"], "stratum": row["stratum"], "subject": verdict["subject"],
         "form": verdict["form"], "degraded": verdict["degraded"], "status": row["status"],
         "named": verdict["steps"], "exact": bool(verdict["found_exact"]),
         "found": bool(verdict["found"]), "first_right": bool(verdict["first_right"]),
@@ -189,18 +167,23 @@ def judged(row: Row) -> dict[str, Any]:
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Shares by stratum and search (%), and the median ratio of processor times."""
-    wide = rows.pivot_table(index=["stratum", "subject"], columns="engine", values="seconds")
+    """Shares by stratum and search (%), median processor times (s), and the median of their ratios."""
+    engines = [engine for engine in (BEFORE, BEAM) if engine in set(rows["engine"])]
+    wide = rows.pivot_table(index=["stratum", "plant"], columns="engine", values="seconds")
     lines = []
     for stratum in (*dict.fromkeys(rows["stratum"]), "all"):
         part = rows if stratum == "all" else rows[rows["stratum"] == stratum]
         times = wide if stratum == "all" else wide.loc[[stratum]]
-        line: dict[str, Any] = {"stratum": stratum, "plants": len(part) // 2}
+        line: dict[str, Any] = {"stratum": stratum, "plants": len(part) // len(engines)}
         for name in ("exact", "found", "wrong", "wrong_found"):
-            for engine in ENGINES:
+            for engine in engines:
                 own = part[part["engine"] == engine]
                 line[f"{name}, {engine}"] = round(100.0 * float(own[name].mean()), 1)
-        line["time ratio"] = round(float((times["beam"] / times["today"]).median()), 2)
+        line |= {
+            f"median s, {engine}": round(float(times[engine].median()), 1) for engine in engines
+        }
+        if len(engines) > 1:
+            line["time ratio"] = round(float((times[BEAM] / times[BEFORE]).median()), 2)
         lines.append(line)
     return pd.DataFrame(lines)
 
@@ -212,12 +195,11 @@ class Trial:
     part: Literal["measured", "long"]
     name: str
     way: str  # Split of measured records; number of samples of long ones
-    engine: Engine
 
     @property
     def key(self) -> str:
         """Name of its row."""
-        return f"{self.engine}/{self.name}/{self.way}"
+        return f"{BEAM}/{self.name}/{self.way}"
 
     def dataset(self) -> Dataset:
         """Return the records."""
@@ -231,13 +213,13 @@ class Trial:
 def run_trial(trial: Trial, code: str) -> Row:
     """Search the records; a failure is a row too."""
     row: Row = {"key": trial.key, "code": code, "name": trial.name, "way": trial.way}
-    row |= {"engine": trial.engine}
     dataset = trial.dataset()
     began = _processor_s()
     try:
-        said, variant = ENGINES[trial.engine](dataset)
+        result = diagnose(dataset)
     except Exception as error:  # one failure must not end the study, and it counts
         return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+    said, variant = said_of(result), Variant(result.model.core, result.model.effects)
     row |= {"status": "done", "seconds": _processor_s() - began, "core": said["core"]}
     named = [f"{s['effect']} {s.get('grade', '')}".strip() for s in said["steps"]]
     row |= {"named": named, "something_else": said.get("something_else")}
@@ -287,27 +269,26 @@ def _held(names: Sequence[Sequence[str]]) -> str:
 
 
 def measured_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """One line a set and search: as published, and how the names held over the splits."""
+    """One line a set: as published, and how the names held over the splits."""
     lines = []
     for known in SETS:
-        for engine in ENGINES:
-            own = [r for r in rows if (r["name"], r["engine"]) == (known.name, engine)]
-            done = [r for r in own if r["status"] == "done"]
-            if not done:
-                continue
-            first = done[0]
-            lines.append({
-                "records": known.name, "search": engine, "kind": first["core"],
-                "named as published": " + ".join(first["named"]) or "nothing",
-                "something else %": None if first["something_else"] is None else round(100 * first["something_else"]),
-                "error": f"{first['error_um']:.3g}",
-                "of peak to peak %": f"{100 * first['error_um'] / first['span_um']:.2g}",
-                "by hand": f"{first['by_hand_um']:.3g}", "published": known.published,
-                "test records explained %": " ".join(f"{e:.0f}" for e in first["explained"]),
-                "names over the splits done": f"{_held([r['named'] for r in done])} ({len(done)} of {len(WAYS)})",
-                "error over the splits": " ".join(f"{r['error_um']:.3g}" for r in done),
-                "processor s": " ".join(f"{r['seconds']:.0f}" for r in done),
-            })  # fmt: skip
+        own = [r for r in rows if r["name"] == known.name]
+        done = [r for r in own if r["status"] == "done"]
+        if not done:
+            continue
+        first = done[0]
+        lines.append({
+            "records": known.name, "kind": first["core"],
+            "named as published": " + ".join(first["named"]) or "nothing",
+            "something else %": None if first["something_else"] is None else round(100 * first["something_else"]),
+            "error": f"{first['error_um']:.3g}",
+            "of peak to peak %": f"{100 * first['error_um'] / first['span_um']:.2g}",
+            "by hand": f"{first['by_hand_um']:.3g}", "published": known.published,
+            "test records explained %": " ".join(f"{e:.0f}" for e in first["explained"]),
+            "names over the splits done": f"{_held([r['named'] for r in done])} ({len(done)} of {len(WAYS)})",
+            "error over the splits": " ".join(f"{r['error_um']:.3g}" for r in done),
+            "processor s": " ".join(f"{r['seconds']:.0f}" for r in done),
+        })  # fmt: skip
     return pd.DataFrame(lines)
 
 
@@ -353,7 +334,6 @@ LONG_TRIALS = (
 
 
 def _trial_rows(chosen: Namespace, part: Literal["measured", "long"]) -> list[Row]:
-    engines = [engine for engine in ENGINES if engine in chosen.searches.split(",")]
     if part == "long":
         names = [(name, str(samples)) for name, samples in LONG_TRIALS]
     else:
@@ -363,7 +343,7 @@ def _trial_rows(chosen: Namespace, part: Literal["measured", "long"]) -> list[Ro
         )
         there = [each.name for each in SETS if each.name in wanted and each.dataset is not None]
         names = [(name, way) for way in WAYS for name in there]
-    asked = [Trial(part, name, way, engine) for engine in engines for name, way in names]
+    asked = [Trial(part, name, way) for name, way in names]
     if chosen.tables:
         return stored_rows(asked, chosen.out / part)
     code = fingerprint(code_parts(room_files(*_ROOMS)))
@@ -385,7 +365,6 @@ def _trial_files(chosen: Namespace, part: Literal["measured", "long"]) -> Files:
         columns = (
             "name",
             "way",
-            "engine",
             "status",
             "core",
             "named",
@@ -396,7 +375,7 @@ def _trial_files(chosen: Namespace, part: Literal["measured", "long"]) -> Files:
         frame = pd.DataFrame([{c: row.get(c) for c in columns} for row in rows])
         frame = frame.rename(columns={"way": "samples", "seconds": "processor s"})
         title = "Long records and short ones: what is hidden, named, left (µm), and processor time."
-    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `python -m studies.one_law --part {part} --searches {chosen.searches}`. {title}\n\n"
+    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `python -m studies.one_law --part {part}`. {title}\n\n"
     return {
         f"{part}.csv": frame,
         f"{part}.md": f"{text}{frame_table(frame, digits=3, rule='plain')}\n",
@@ -418,22 +397,20 @@ def _more(options: Options) -> None:
         help="drawn plants, measured records on four splits, or long records (default: plants)",
     )  # fmt: skip
     options.add_argument("--records", default="", help="sets of measured records (default: all)")
-    options.add_argument(
-        "--searches", default=",".join(ENGINES), help="of measured and long records (default: both)"
-    )
 
 
 def _files(chosen: Namespace) -> Files:
     if chosen.part != "plants":
         return _trial_files(chosen, chosen.part)
-    rows = [row for engine in ENGINES for row in _rows(chosen, engine)]
-    both = set.intersection(*({_plant(r) for r in rows if r["engine"] == e} for e in ENGINES))
+    rows = _rows(chosen)
+    plants = [{_plant(r) for r in rows if r["engine"] == engine} for engine in (BEFORE, BEAM)]
+    both = set.intersection(*(each for each in plants if each))
     frame = pd.DataFrame([judged(r) for r in rows if r["status"] == "done" and _plant(r) in both])
     text = (
-        "# The search by one law beside today's\n\n"
-        f"Made by `python -m studies.one_law --plants {chosen.plants} --seed {chosen.seed}`; the "
-        f"{len(both)} plants that both have done, shares in per cent, processor time of the beam "
-        "over that of today's search.\n\n"
+        "# The search on drawn plants\n\n"
+        f"Made by `python -m studies.one_law --plants {chosen.plants} --seed {chosen.seed}`, {len(both)} "
+        "plants, shares in per cent, processor time in seconds. Right: *found* or *likely*. The search "
+        "before this one is that of commit ad1f42e6 on the same plants.\n\n"
         f"{frame_table(table(frame), digits=None, rule='plain')}\n"
     )
     files: dict[str, str | bytes | pd.DataFrame] = {"plants.csv": frame}
