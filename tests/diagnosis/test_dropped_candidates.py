@@ -103,6 +103,21 @@ def test_a_fault_of_the_program_is_no_candidate(creeping, fault):
         diagnosis.diagnose(creeping, catalogue=FEW)
 
 
+class Mine(CATALOGUE["delay"]):
+    """An effect of a user's own."""
+
+    name = "mine"
+
+
+def test_an_effect_of_a_user_may_raise_anything(creeping, fault):
+    made = fault(RuntimeError("no licence"), partial(with_effect, "mine"))
+    found = diagnosis.diagnose(creeping, catalogue=FEW | {"mine": Mine})
+    assert made.raised
+    ranked = {candidate.effect: candidate for candidate in found.rounds[0]}
+    assert ranked["mine"].remarks == ("did not converge: RuntimeError: no licence",)
+    assert [name for step in found.steps for name in step.effects] == ["creep"]
+
+
 @pytest.mark.slow
 def test_wherever_one_fit_fails_the_search_ends(creeping, fault):
     whole = fault()
