@@ -100,7 +100,7 @@ def run_case(case: Case, code: str) -> Row:
         forms = learn_forms(setting, plays, (), Unknown, silent)
         drawn = draw(setting, plays, (), forms, {}, 0, silent)
         plant = plant_of(setting, base, None)
-        added = add_effect(found.dataset, plant, Unknown)
+        added = add_effect(found.dataset, Unknown, plant)
     except InputError as error:
         return row | {"status": "failed", "error": str(error)}
     noise_um = found.plant.noise_um

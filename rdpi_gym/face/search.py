@@ -516,7 +516,7 @@ def _add(
         raise InputError("add needs the model that the effect is added to; give it with --model")
     dataset = as_dataset(data)
     with in_words_of(dataset):
-        found = searches.add_effect(dataset, given, kind, **_asked(options))
+        found = searches.add_effect(dataset, kind, given, **_asked(options))
     if kind.name not in CATALOGUE and kind not in own:
         own = (*own, kind)
     return SearchResult.of(found, data=Dataset.of(dataset), own=own)

@@ -162,7 +162,7 @@ def test_results_are_saved_and_loaded_back(lagging, tmp_path):
     for search, key in ((diagnose, "candidates"), (discover, "rounds")):
         written = saved_and_loaded(search(lagging, catalogue=FEW), tmp_path / "found.json")
         assert written[key]
-    added = saved_and_loaded(add_effect(lagging, P10, SensorLag), tmp_path / "add.json")
+    added = saved_and_loaded(add_effect(lagging, SensorLag, P10), tmp_path / "add.json")
     assert added["effect"] == "sensor_lag"
 
 
@@ -198,7 +198,7 @@ def test_a_diagnosis_ranks_every_candidate(lagging):
 
 def test_diagnose_and_add_judge_the_model_that_is_saved(lagging):
     diagnosis = diagnose(lagging, P10, catalogue={"sensor_lag": SensorLag})
-    addition = add_effect(lagging, P10, SensorLag)
+    addition = add_effect(lagging, SensorLag, P10)
     assert diagnosis.verdict == addition.verdict == "explained"
     assert diagnosis.final == addition.final == addition.steps[-1].errors
     assert diagnosis.plant == addition.plant
@@ -228,12 +228,12 @@ def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
 
 @pytest.mark.slow
 def test_adding_an_effect_that_is_not_earned_is_said(lagging):
-    found = add_effect(laboratory_data([]), P10, FEW["gain_drift"])
+    found = add_effect(laboratory_data([]), FEW["gain_drift"], P10)
     assert [c.effect for c in found.added] == ["gain_drift"]
     assert "do not earn it" in found.notes[0]
     assert "which does not improve held-out error" in found.headline
     with pytest.raises(InputError, match="already"):
-        add_effect(lagging, replace(P10, effects=(SensorLag(),)), FEW["sensor_lag"])
+        add_effect(lagging, FEW["sensor_lag"], replace(P10, effects=(SensorLag(),)))
 
 
 def one_sine(bend: float) -> Dataset:

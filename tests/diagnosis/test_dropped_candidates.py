@@ -163,7 +163,7 @@ def test_an_addition_without_a_fit_is_refused(creeping, fault):
     model = diagnosis.diagnose(creeping, catalogue={}).plant
     fault(FAILURES[2], partial(with_effect, "delay"))
     with pytest.raises(InputError, match=r"^delay: did not converge: ValueError: array must not"):
-        diagnosis.add_effect(creeping, model, CATALOGUE["delay"])
+        diagnosis.add_effect(creeping, CATALOGUE["delay"], model)
 
 
 def test_no_portrait_without_blocks(leaning, fault):

@@ -38,7 +38,7 @@ def records(plant: PlantModel) -> Dataset:
 def test_an_effect_is_added_to_a_comb_of_stops():
     lag = CATALOGUE["sensor_lag"](time_constant_s=8e-3)
     data = records(replace(FRICTION, effects=(lag,)))
-    found = add_effect(data, FRICTION, CATALOGUE["sensor_lag"])
+    found = add_effect(data, CATALOGUE["sensor_lag"], FRICTION)
     assert found.plant.hysteresis.name == "stop"
     assert found.plant.effects[0].values["time_constant_s"] == pytest.approx(8e-3, rel=0.05)
     assert found.final.validation_rmse_um < 0.5 * found.base.validation_rmse_um
@@ -49,7 +49,7 @@ def test_an_effect_is_added_to_a_comb_of_stops():
 def test_what_only_the_rdpi_model_has_is_not_added_to_another_core():
     given = FRICTION.with_hysteresis(CORES["stop"]((1.0,), (2.0,)))
     with pytest.raises(InputError, match="rate_law changes what only the core rdpi has"):
-        add_effect(records(FRICTION), given, CATALOGUE["rate_law"])
+        add_effect(records(FRICTION), CATALOGUE["rate_law"], given)
 
 
 def test_clockwise_loops_are_found_to_be_friction_before_an_effect_is_named():

@@ -105,6 +105,6 @@ def test_a_search_says_which_other_input_explains_the_remainder():
     records = [record(1, gain=0.3), record(2, gain=0.3), record(3, "validation", gain=0.3)]
     for each in records:
         each.error_mask[2000:2300] = False
-    found = add_effect(Dataset("two inputs", tuple(records)), P5, load_effect("sensor_lag"))
+    found = add_effect(Dataset("two inputs", tuple(records)), load_effect("sensor_lag"), P5)
     assert "u2" in found.remainder
     assert " % of the squared residual (" in found.remainder

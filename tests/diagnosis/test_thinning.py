@@ -159,7 +159,7 @@ def test_every_search_says_what_it_read(oversampled: Dataset) -> None:
     given = replace(named_plant("P10"), effects=(Creep(gain_per_decade=0.02),))
     found = [
         diagnose(data, given, catalogue=catalogue),
-        add_effect(data, given, SensorLag),
+        add_effect(data, SensorLag, given),
         remove_effect(data, given, "creep"),
     ]
     for each in found:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,8 +33,8 @@ from rdpi_gym.diagnosis.beam.signatures import Signature
 from rdpi_gym.diagnosis.portrait import Portrait
 from rdpi_gym.diagnosis.portrait.trials import learn_forms
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect
-from rdpi_gym.diagnosis.results import Candidate, Errors, SearchResult
-from rdpi_gym.diagnosis.search.conclusion import conclude, nearest_of, portrayed
+from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult
+from rdpi_gym.diagnosis.search.conclusion import Ending, conclude, nearest_of, portrayed
 from rdpi_gym.diagnosis.search.plants import AUTO, OnCandidate, Refit, refit_of
 from rdpi_gym.diagnosis.search.setting import Setting, assess
 from rdpi_gym.diagnosis.suitability import falls, turned
@@ -49,131 +49,146 @@ from rdpi_gym.plant.effects.base import forms_of, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.options import with_options
 from rdpi_gym.support.parallel import Pool
 from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.support.words import joined
 
 
-def discover(
-    dataset: Dataset,
-    given: PlantModel[Any] | None = None,
-    *,
-    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
-    jobs: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    core: str | None = None,
-    on_candidate: OnCandidate | None = None,
-) -> SearchResult:
-    """Run the beam to its end.
+@dataclass(frozen=True)
+class Request:
+    """Request to a search: what all kinds of it have in common.
 
-    Parameters are those of :func:`diagnose`.
+    Parameters
+    ----------
+    given
+        The model to begin with; its core and effects are kept and refitted.
+    catalogue
+        Effects that moves may bring.
+    jobs
+        Processes.
+    seed
+        Of the bootstrap.
+    progress
+        Called with a task, how much of it is done, and of how much.
+    checkpoint
+        File that keeps visited sets, so that an interrupted search goes on.
+    core
+        Kind of hysteresis, or `AUTO` for the best of all.
+    on_candidate
+        Called with each refit.
     """
-    began = time.perf_counter()
-    evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
-    seen, kept = _told(evidence, given, on_candidate), Checkpoint(checkpoint, evidence, seed)
-    beam, scores, best = searched(evidence, jobs, seed, progress, seen, kept.stage)
-    course = Course(beam.evidence, beam, scores, best)
-    ending = ended(
-        course, kind="discovery", began=began, given=given, seed=seed, pool=Pool(jobs),
-        progress=progress or silent, notes=kept.remarks,
-    )  # fmt: skip
-    return conclude(ending)
+
+    given: PlantModel[Any] | None = None
+    _: KW_ONLY
+    catalogue: Mapping[str, type[Effect]] = field(default_factory=lambda: CATALOGUE)
+    jobs: int = 1
+    seed: int = 0
+    progress: Progress | None = None
+    checkpoint: Path | None = None
+    core: str | None = None
+    on_candidate: OnCandidate | None = None
 
 
-def diagnose(
-    dataset: Dataset,
-    given: PlantModel[Any] | None = None,
-    *,
-    catalogue: Mapping[str, type[Effect]] = CATALOGUE,
-    jobs: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    core: str | None = None,
-    on_candidate: OnCandidate | None = None,
-) -> SearchResult:
+class _Search:
+    """A search of a data set that has begun."""
+
+    def __init__(self, dataset: Dataset, request: Request) -> None:
+        self.began, self.request = time.perf_counter(), request
+        self.report, self.pool = request.progress or silent, Pool(request.jobs)
+        offer = offer_of(request.catalogue, request.given, request.core)
+        self.evidence = Evidence.of(dataset, offer)
+        self.seen = _told(self.evidence, request.given, request.on_candidate)
+        self.kept = Checkpoint(request.checkpoint, self.evidence, request.seed)
+
+    def base(self) -> tuple[Beam, Visited]:
+        """Return a beam that has begun, and what it begins with."""
+        beam = Beam(self.evidence, self.request.seed, self.seen)
+        return beam, beam.begin(self.kept.stage, self.pool)
+
+    def ended(
+        self,
+        kind: Kind,
+        course: Course,
+        notes: Sequence[str] = (),
+        failed: Sequence[Candidate] = (),
+    ) -> Ending:
+        """Return what the search ends with."""
+        return ended(
+            course, kind=kind, began=self.began, given=self.request.given, seed=self.request.seed,
+            pool=self.pool, progress=self.report, notes=(*self.kept.remarks, *notes), failed=failed,
+        )  # fmt: skip
+
+
+@with_options(Request)
+def discover(dataset: Dataset, request: Request) -> SearchResult:
+    """Run the beam to its end."""
+    search = _Search(dataset, request)
+    beam, scores, best = searched(
+        search.evidence,
+        request.jobs,
+        request.seed,
+        request.progress,
+        search.seen,
+        search.kept.stage,
+    )
+    return conclude(search.ended("discovery", Course(beam.evidence, beam, scores, best)))
+
+
+@with_options(Request)
+def diagnose(dataset: Dataset, request: Request) -> SearchResult:
     """Refit the base model with each effect alone, and rank them."""
-    began = time.perf_counter()
-    evidence = Evidence.of(dataset, offer_of(catalogue, given, core))
-    seen, report = _told(evidence, given, on_candidate), progress or silent
-    beam, pool = Beam(evidence, seed, seen), Pool(jobs)
-    kept = Checkpoint(checkpoint, evidence, seed)
-    base = beam.begin(kept.stage, pool)
+    search = _Search(dataset, request)
+    evidence, tell = search.evidence, request.on_candidate or (lambda refit: None)
+    beam, base = search.base()
     names = [n for n in evidence.offer.effects if n not in base.model.names]
-    make = partial(with_each, evidence, base, names, pool, report, seen)
-    found = kept.stage("effects alone", beam.visited, make)
+    make = partial(with_each, evidence, base, names, search.pool, search.report, search.seen)
+    found = search.kept.stage("effects alone", beam.visited, make)
     known = frozenset[str]().union(*(one.model.names for one in found))
     kinds = (kind for name, kind in evidence.offer.effects.items() if name in names)
     failed = [_failed(evidence, base, kind) for kind in kinds if kind.name not in known]
     for each in failed:
-        if on_candidate is None:
-            break
-        on_candidate(Refit(each.effect, "", None, each.errors, {}, {}, remark=each.remarks[0]))
-    beam.add(found)
-    beam.accept(found, beam.scored())
+        tell(Refit(each.effect, "", None, each.errors, {}, {}, remark=each.remarks[0]))
+    beam.judge(found)
     scores = beam.scored()
     best = best_of(beam, scores)
     if not scores.is_at_floor(best):
-        blocks = partial(with_free_blocks, evidence, best, pool)
-        beam.add(kept.stage("free blocks", beam.visited, blocks))
+        blocks = partial(with_free_blocks, evidence, best, search.pool)
+        beam.add(search.kept.stage("free blocks", beam.visited, blocks))
         scores = beam.scored()
-    ending = ended(
-        Course(evidence, beam, scores, best), kind="diagnosis", began=began, given=given, seed=seed,
-        pool=pool, progress=report, notes=kept.remarks, failed=failed,
-    )  # fmt: skip
-    if on_candidate is not None and len(ending.added) == 1:
+    ending = search.ended("diagnosis", Course(evidence, beam, scores, best), failed=failed)
+    if len(ending.added) == 1:
         (added,) = ending.added
         end = replace(ending.end, effect=added.effect, form=added.form)
-        on_candidate(refit_of(ending.setting, end, given))
+        tell(refit_of(ending.setting, end, request.given))
     return conclude(ending)
 
 
-def add_effect(
-    dataset: Dataset,
-    given: PlantModel[Any],
-    kind: type[Effect],
-    *,
-    jobs: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    core: str | None = None,
-    on_candidate: OnCandidate | None = None,
-) -> SearchResult:
+@with_options(Request, None)
+def add_effect(dataset: Dataset, kind: type[Effect], request: Request) -> SearchResult:
     """Add one effect because the user says so, better or not, and refit everything."""
-    began = time.perf_counter()
-    if any(effect.name == kind.name for effect in given.effects):
+    if request.given is not None and any(e.name == kind.name for e in request.given.effects):
         raise InputError(f"the model has {kind.name} already; choose another effect")
-    evidence = Evidence.of(dataset, offer_of({kind.name: kind}, given, core))
-    report, pool = progress or silent, Pool(jobs)
-    beam = Beam(evidence, seed, _told(evidence, given, on_candidate))
-    kept = Checkpoint(checkpoint, evidence, seed)
-    base = beam.begin(kept.stage, pool)
+    search = _Search(dataset, replace(request, catalogue={kind.name: kind}))
+    evidence = search.evidence
+    beam, base = search.base()
     if not any(form.fits_in(type(base.model.core)) for form in forms_of(kind)):
         raise InputError(
             f"{kind.name} changes what only the core {RDPI.name} has, and the model has the core "
             f"{base.model.core.name}; choose another effect"
         )
-    make = partial(with_each, evidence, base, [kind.name], pool, report)
+    make = partial(with_each, evidence, base, [kind.name], search.pool, search.report)
     if kind.on_request:
-        make = partial(_learned, evidence, base, kind, report)
-    found = kept.stage("effect", beam.visited, make)
+        make = partial(_learned, evidence, base, kind, search.report)
+    found = search.kept.stage("effect", beam.visited, make)
     if not found:
         raise InputError(f"{kind.name}: {_failed(evidence, base, kind).remarks[0]}")
-    beam.add(found)
+    beam.judge(found)
     scores = beam.scored()
-    beam.accept(found, scores)
-    best = _simplest(found, scores)
-    course = Course(evidence, beam, scores, best)
+    course = Course(evidence, beam, scores, _simplest(found, scores))
     earned = course.weight_of(kind.name) >= FOUND
     asked = () if earned else (template("on request", effect=kind.name),)
-    ending = ended(
-        course, kind="addition", began=began, given=given, seed=seed,
-        pool=pool, progress=report, notes=(*kept.remarks, *asked),
-    )  # fmt: skip
-    return conclude(ending)
+    return conclude(search.ended("addition", course, asked))
 
 
 def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:

@@ -63,14 +63,14 @@ def test_each_effect_is_ranked_alone_and_whoever_watches_is_told_of_all(crept):
 
 
 def test_an_effect_is_added_and_taken_out_on_request(crept):
-    added = add_effect(crept, P10, CATALOGUE["creep"])
+    added = add_effect(crept, CATALOGUE["creep"], P10)
     assert [e.name for e in added.plant.effects] == ["creep"]
     taken = remove_effect(
         crept, replace(added.plant, effects=(*added.plant.effects, LAG)), LAG.name
     )
     assert ([e.name for e in taken.plant.effects], taken.removed) == (["creep"], (LAG.name,))
     with pytest.raises(InputError, match="has creep already"):
-        add_effect(crept, added.plant, CATALOGUE["creep"])
+        add_effect(crept, CATALOGUE["creep"], added.plant)
 
 
 @pytest.mark.parametrize("stages", [1, 2])
