@@ -227,7 +227,7 @@ class Scores:
 
     def may_grow(self, one: Visited, best: Visited) -> bool:
         """Whether one effect more, were nothing left then, could make a set weigh more than the best one."""
-        more = 1 + max(len(one.model.names) - len(best.model.names), 0)
+        more = len(one.model.names) + 1 - len(best.model.names)
         return not self.is_at_floor(one) and self._left(best) >= more * self._price
 
     @property
