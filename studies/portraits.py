@@ -152,7 +152,6 @@ def _predictable(own: Setting, base: Outcome, noise_um: float) -> float:
 
     A ridge regression on features of the command's past, or what recurs with it: nothing of the block.
     """
-    assert base.fit is not None
     left = remainder(base.fit.variant, own.train, own.validation, own.scale, noise_um)
     return left.share * (left.left_um / base.errors.validation_rmse_um) ** 2
 

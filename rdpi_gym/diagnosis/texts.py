@@ -643,7 +643,7 @@ SEARCH: Mapping[str, str] = {
     "on request": "{effect} was added on request; these records do not earn it",
     "no portrait": "no portrait of what is missing could be drawn: {error}",
     "core left out": "the core {core} was left out: {error}",
-    "law/none": "the thresholds stay free: those of Eq. 8 {remark}",
+    "law/none": "the thresholds stay free: no refit with those of Eq. 8 converged",
     "law/kept": "the thresholds are those of Eq. 8 with {plays} plays; the validation error is "
     "{change:+.0f} % beside that of free thresholds",
     "law/comb": "the thresholds stay free: with those of Eq. 8 and {plays} plays the validation error "

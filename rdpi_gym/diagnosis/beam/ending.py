@@ -145,13 +145,11 @@ def ended(
     law, said = in_few_numbers(
         searched, assess(searched, "", best.fit), given, noise_um, pool or Pool(1)
     )
-    assert law.fit is not None
     if evidence.reads_fewer is not None:
         variant = law.fit.variant
         full = refitted(whole, Model(variant.hysteresis, variant.effects, clocks))
         law = judged(whole, best if full is None else full)
         noise_um, origin = whole.floor((best if full is None else full).lefts)
-    assert law.fit is not None
     setting = _setting(whole.mended(clocks))
     near = setting
     if evidence.reads_fewer is not None:
@@ -249,11 +247,10 @@ def _rounds(
 
 
 def _candidate(
-    course: Course, name: str, before: Errors, after: Errors, noise_um: float, fit: JointFit | None
+    course: Course, name: str, before: Errors, after: Errors, noise_um: float, fit: JointFit
 ) -> Candidate:
     """Return an effect that takes one error to another, with its numbers in a refit."""
     own = course.names.get(name)
-    assert fit is not None
     effects = {effect.name for effect in fit.variant.effects}
     kinds = course.evidence.offer.effects
     instead = () if own is None else tuple(n for n in own.instead if n in kinds and n != name)

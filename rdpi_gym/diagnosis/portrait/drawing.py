@@ -260,7 +260,6 @@ def _time_constants(
     names = {v: n for n, v in best.block.values.items() if n.startswith("time_constant")}
     other = _exchanged(setting, hysteresis, present, best.block, best.held).fitted.values
     fit = best.outcome.fit
-    assert fit is not None
     return tuple(
         _value(tau, fit.standard_errors.get(f"{Unknown.name}.{names[tau]}"), other[names[tau]])
         for tau in taus
@@ -306,7 +305,6 @@ def _powers(
     if math.log(square) > math.log(best.outcome.mean_square) + 2.0 * _AS_WELL:
         return None, None
     fit, law = outcome.fit, outcome.fitted
-    assert fit is not None
     other = _exchanged(setting, hysteresis, present, law, held).fitted.values
     values = []
     for name in ("power", "rate_power"):
@@ -334,7 +332,6 @@ def _terms(best: Tried) -> list[_Term]:
 def _drift(setting: Setting, best: Tried) -> Value | None:
     """Relative change of the block's size from the beginning to the end of the experiment (%)."""
     fit = best.outcome.fit
-    assert fit is not None
     others = tuple(e for e in fit.variant.effects if e.name != Unknown.name)
     without = Variant(fit.variant.hysteresis, others)
     clocks, factors, errors = [], [], []

@@ -9,8 +9,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, attempt
-from rdpi_gym.identification.joint import fit_joint
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
+from rdpi_gym.identification.joint import fit_joint, or_none
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
 from rdpi_gym.plant.effects.unknown import Block, Place, Unknown, is_even
@@ -64,29 +64,27 @@ def learn_forms(
 ) -> list[Outcome]:
     """Refit the forms of the block; those with two memories where one memory comes near the best.
 
-    A form that does not converge has no fit. Forms whose memory came out shorter than the samples are left out: they are static ones that a
+    Forms that do not converge are left out. Forms whose memory came out shorter than the samples are left out: they are static ones that a
     compensator takes for what they are not.
     """
     kinds = forms_of(kind)
     found: dict[str, Outcome] = {}
     for done, form in enumerate(kinds):
         progress(f"forms of {form.name}", done, len(kinds))
-        simpler = found.get(form.form.replace("two memories", "memory"))
+        simpler = found.get(one := form.form.replace("two memories", "memory"))
         starts: Sequence[Effect] = form.starts(setting.scale)
-        if simpler is not None:
-            if simpler.fit is None or simpler.mean_square > _WORTH_A_SECOND * min(
+        if one != form.form:
+            if simpler is None or simpler.mean_square > _WORTH_A_SECOND * min(
                 o.mean_square for o in found.values()
             ):
                 continue
             starts = form.from_simpler(simpler.fitted, setting.scale)
         make = partial(learn, setting, hysteresis, present, starts)
-        found[form.form] = attempt(make, form.name, form.form)
+        refit = or_none(make)
+        if refit is not None:
+            found[form.form] = refit
     progress(f"forms of {kind.name}", len(kinds), len(kinds))
-    return [
-        outcome
-        for outcome in found.values()
-        if outcome.fit is None or are_shown(outcome.fitted, setting.scale)
-    ]
+    return [each for each in found.values() if are_shown(each.fitted, setting.scale)]
 
 
 def are_shown(block: Effect, scale: DataScale) -> bool:
@@ -160,7 +158,7 @@ def try_all(
     """Refit the block of every place and nature that comes near with one parity alone."""
     kinds = {(k.place, _nature(k)): k for k in _kinds()}
     shortest_s, longest_s = setting.scale.shortest_s, setting.scale.longest_s
-    found = [_tried(setting, o, "both", frozenset()) for o in forms if o.fit is not None]
+    found = [_tried(setting, o, "both", frozenset()) for o in forms]
     near = leading(found).score + _NEAR
     single = [t for t in found if t.nature != "with two memories"]
     worth = {t.nature for t in single if t.score < near}
@@ -173,8 +171,8 @@ def try_all(
             start = start.with_values({"time_constant_s": tau})
         for drive in drives:
             held = _held(type(start), drive)
-            outcome = attempt(partial(learn, setting, hysteresis, present, [start], held))
-            if outcome.fit is not None:
+            outcome = or_none(partial(learn, setting, hysteresis, present, [start], held))
+            if outcome is not None:
                 found.append(_tried(setting, outcome, drive, held))
     found = [t for t in found if are_shown(t.block, setting.scale)]
     if leading(found).time_constants_s:
@@ -230,7 +228,6 @@ def _nature(kind: type[Block]) -> Nature:
 
 
 def _tried(setting: Setting, outcome: Outcome, drive: Parity, held: frozenset[str]) -> Tried:
-    assert outcome.fit is not None
     block = outcome.fitted
     assert isinstance(block, Block)
     train = assess(setting.exchanged(), outcome.effect, outcome.fit)

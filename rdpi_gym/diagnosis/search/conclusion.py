@@ -95,7 +95,6 @@ class Ending:
     @property
     def fit(self) -> JointFit:
         """The last refit."""
-        assert self.end.fit is not None
         return self.end.fit
 
     @property
@@ -287,7 +286,6 @@ def _views(ending: Ending, models: Mapping[str, Outcome]) -> tuple[View, ...]:
     for record in dict.fromkeys((*ending.setting.train, *ending.setting.validation)):
         shown, counted = {}, record.error_mask
         for label, outcome in models.items():
-            assert outcome.fit is not None
             y = simulate_effects([outcome.fit.variant], record)[:, 0]
             shown[label] = y + float(np.mean((record.y_um - y)[counted]))
         columns = (record.t_s, record.u_V, record.y_um, shown, counted.astype(np.float64))

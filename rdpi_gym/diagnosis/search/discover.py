@@ -315,8 +315,8 @@ def _learned(
     """Refit every form of a block that records teach."""
     model = base.model
     setting = Setting(evidence.train, evidence.validation, evidence.scale)
-    fits = [o.fit for o in learn_forms(setting, model.core, model.effects, kind, report)]
-    models = [Model(f.variant.hysteresis, f.variant.effects) for f in fits if f is not None]
+    outcomes = learn_forms(setting, model.core, model.effects, kind, report)
+    models = [Model(o.fit.variant.hysteresis, o.fit.variant.effects) for o in outcomes]
     found = [refitted(evidence, each, base.key) for each in models]
     return [one for one in found if one is not None]
 

@@ -13,10 +13,10 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES
 from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, attempt
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
-from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint
+from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint, or_none
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.measurement.quantities import template_of, unit_template
@@ -46,7 +46,6 @@ def in_few_numbers(
     The RDPI model takes the threshold law of Eq. 8 where that costs little. Any other core loses the
     thresholds without a weight where it is saved; the sentence says what is left.
     """
-    assert outcome.fit is not None
     core = outcome.fit.variant.hysteresis
     if not isinstance(core, RDPI):
         return outcome, (_said(core.slim()),)
@@ -73,15 +72,14 @@ def _to_threshold_law(
 ) -> tuple[Outcome, str]:
     """Return the refit with the thresholds of Eq. 8 where they cost little, and what was decided."""
     fit = outcome.fit
-    assert fit is not None
 
     def found() -> Outcome:
         best = _best_law(setting, fit, given or _MOST_PLAYS, pool)
         return assess(setting, "", best if given else _without_tail(best))
 
-    law = attempt(found)
-    if law.fit is None:
-        return outcome, template("law/none", remark=law.remark)
+    law = or_none(found)
+    if law is None:
+        return outcome, template("law/none")
     plays = law.fit.variant.hysteresis.n
     cost = law.mean_square - outcome.mean_square
     allowed = _COST * (noise_um**2 + outcome.mean_square)
@@ -94,7 +92,6 @@ def _to_threshold_law(
 
 def plant_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> PlantModel[Any]:
     """Return a refit as a plant to save, without the thresholds that have no weight."""
-    assert outcome.fit is not None
     fit = outcome.fit
     variant = replace(fit.variant, hysteresis=fit.variant.hysteresis.slim())
     record = setting.train[0]
@@ -211,9 +208,6 @@ OnCandidate: TypeAlias = Callable[[Refit], None]
 
 def refit_of(setting: Setting, outcome: Outcome, given: PlantModel[Any] | None) -> Refit:
     """Return what a search found for one candidate."""
-    if outcome.fit is None:
-        nothing = Refit(outcome.effect, outcome.form, None, outcome.errors, {}, {})
-        return replace(nothing, remark=outcome.remark)
     values = outcome.fitted.values if outcome.effect else {}
     return Refit(
         outcome.effect, outcome.form, plant_of(setting, outcome, given), outcome.errors, values,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,11 +12,10 @@ from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import (
-    NO_FIT,
     JointFit,
     fit_joint,
 )
-from rdpi_gym.identification.residuals import PIECES, centred_residual, pieces_of, rms_over
+from rdpi_gym.identification.residuals import centred_residual, pieces_of, rms_over
 from rdpi_gym.measurement import Record
 from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.cores.base import Core
@@ -32,12 +31,11 @@ class Outcome:
     """A refit and its squared errors."""
 
     effect: str  # name of the candidate; empty for a refit without one
-    fit: JointFit | None  # the refit; None where none converged
+    fit: JointFit
     errors: Errors  # of the refit
     # float64[R, PIECES]: mean squared error (µm²) of the pieces of each validation record, offset
     # free
     pieces: Array
-    remark: str = ""  # why there is no refit
     form: str = ""  # of the candidate; empty for its simplest
 
     @property
@@ -48,7 +46,6 @@ class Outcome:
     @property
     def fitted(self) -> Effect:
         """The candidate, as it was fitted."""
-        assert self.fit is not None
         return next(e for e in self.fit.variant.effects if e.name == self.effect)
 
 
@@ -91,10 +88,8 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     return Outcome(name, fit, errors, pieces, form=forms.get(name, ""))
 
 
-def of_effect(candidate: Candidate, fit: JointFit | None, name: str) -> Candidate:
+def of_effect(candidate: Candidate, fit: JointFit, name: str) -> Candidate:
     """Return a candidate as that of an effect in a refit: its parameters and their errors."""
-    if fit is None:
-        return candidate
     effect = {e.name: e for e in fit.variant.effects}[name]
     own = f"{name}."
     found = fit.standard_errors.items()
@@ -115,30 +110,6 @@ def evidence_of(before: Errors, after: Errors, signature: str) -> str:
     }
     most = max(falls, key=lambda name: falls[name])
     return template("evidence", record=most, signature=template_of(signature))
-
-
-def attempt(
-    make: Callable[[], Outcome],
-    effect: str = "",
-    form: str = "",
-    caught: tuple[type[Exception], ...] = NO_FIT,
-) -> Outcome:
-    """Refit a candidate, or say why there is no refit: none of several ends a search."""
-    try:
-        return make()
-    except caught as error:
-        return _without_fit(effect, form, _reason(error))
-
-
-def _without_fit(effect: str, form: str, reason: str) -> Outcome:
-    nowhere = Errors(math.inf, math.inf, math.inf, {})
-    return Outcome(
-        effect, None, nowhere, np.zeros((0, PIECES)), template("not converged", reason=reason), form
-    )
-
-
-def _reason(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".splitlines()[0]
 
 
 def _squares(

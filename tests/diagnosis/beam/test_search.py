@@ -117,11 +117,12 @@ def test_a_fault_of_a_clock_has_phantoms_that_gain_next_to_nothing(crept):
     mended = refitted(evidence, replace(base.model, clocks=(clock,)), base.key)
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
     found = linear.with_phantoms(mended.model, [clock.name])
-    alone, *ghosts = [np.mean(np.concatenate(lefts) ** 2) for lefts in found]
+    alone, *ghosts, alike = [np.mean(np.concatenate(lefts) ** 2) for lefts in found]
     gain = np.log(alone / mended.rmse_um**2)
     assert gain > 0.3
     assert len(ghosts) == 2
     assert all(np.log(alone / ghost) < 0.2 * gain for ghost in ghosts)
+    assert np.log(alone / alike) < 0.8 * gain  # the same fault of all records
 
 
 def test_openings_of_records_that_begin_in_motion_are_left_out_and_those_of_others_are_not():
