@@ -91,7 +91,7 @@ def discover(
     out: OutOption = Path("results/discover"),
     verbose: VerboseOption = False,
 ) -> None:
-    """Fit, then find and add missing effects until nothing more improves the held-out error.
+    """Search for the set of effects that is missing, each set refitted whole.
 
     Writes model.json, discovery.json and the page report.html; an interrupted run continues.
     """

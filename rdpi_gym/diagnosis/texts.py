@@ -652,6 +652,7 @@ SEARCH: Mapping[str, str] = {
     "core numbers": "{parts}",
     "at bound": "{parameter} at its bound",
     "not ended": "the search did not end",
+    "refused": "it gains no more than chance, or than a command that cannot be its cause, would",
     "evidence": "The error falls most on {record}. {signature}",
     "left/low": "At least {low:.0f} % of the remaining squared error above noise follows from the input.",
     "read/stretch/one/all": "a stretch of {size:,} samples of {records}",

@@ -151,7 +151,7 @@ def headline(
         if verdict == "no missing effect":
             word = {"found": "", "likely": "probably "}.get(nothing, "possibly ")
             return capital(f"{word}nothing is missing. {numbers}")
-        return f"Unexplained: no effect of the catalogue improves held-out error. {numbers}"
+        return f"Unexplained: no effect of the catalogue is found. {numbers}"
     numbers = f"Error {before.removesuffix(' {output_unit}')} to {after}, {noise}.{rest}"
     verb = {"addition": "Added", "removal": "Removed"}.get(asked)
     names = f"{verb}: {joined(list(effects))}" if verb else _missing(effects)

@@ -386,7 +386,7 @@ def diagnose(
 def discover(
     data: measurement.Dataset | PathLike[str] | str, options: CandidateOptions
 ) -> SearchResult:
-    """Fit, then find and add missing effects until nothing more improves the held-out error.
+    """Search for the set of effects that is missing, each set refitted whole.
 
     Parameters are those of :func:`diagnose`.
 

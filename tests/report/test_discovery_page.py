@@ -156,9 +156,7 @@ def test_an_answer_for_every_verdict(made_discovery):
         made_discovery(**NOTHING).headline == "Nothing is missing. Error 0.021 µm, noise 0.02 µm."
     )
     left = made_discovery(**NOTHING | {"verdict": "unexplained"})
-    assert left.headline.startswith(
-        "Unexplained: no effect of the catalogue improves held-out error"
-    )
+    assert left.headline.startswith("Unexplained: no effect of the catalogue is found")
     poor = replace(left, undecided="The data are too short to decide.")
     assert poor.headline.startswith("Undecided. The data are too short to decide. Error 0.021")
     assert sum("too short" in line for line in lines(poor)) == 1

@@ -235,7 +235,10 @@ def _rounds(
         tried = []
         for name, other in course.beside(one).items():
             errors = course.errors_of(other)
-            tried.append(_candidate(course, name, before, errors, noise_um, other.fit))
+            each = _candidate(course, name, before, errors, noise_um, other.fit)
+            if each.share > 0.0 and other.key not in course.beam.accepted:
+                each = replace(each, remarks=(*each.remarks, template("refused")))
+            tried.append(each)
         tried.sort(key=lambda c: c.errors.validation_rmse_um)
         have = {effect.name for effect in one.model.effects}
         first = next((c.errors for c in added if c.effect not in have), None)
