@@ -294,6 +294,8 @@ class Place:
                 self._rows_with(start, *each) for each in zip(records, kept, at.rows, strict=True)
             ]
             both.append(rows)
+        if start.value and self._leaves(both) >= self._leaves([at.rows for at in self._linear]):
+            return None
         moves, judges = np.append(self._linear[0].moves, True), evidence.only_judges(start)
         own = np.append(of_experiment(variant), judges)
         alone = [(each[:, -2:-1], each[:, -1]) for each in both[1]]
@@ -303,6 +305,11 @@ class Place:
         clock = replace(start, value=start.value + float(step[-1]))
         model = replace(self.model, clocks=(*self.model.clocks, clock))
         return Look(model, tuple(cross_fitted(both[0], moves, both[1], own)), (clock.name,))
+
+    @staticmethod
+    def _leaves(both: Sequence[Sequence[Array]]) -> float:
+        """Sum of squares of what is left of all records (µm²)."""
+        return squares(rows[:, -1] for part in both for rows in part)
 
     def _rows_with(
         self, clock: Clock, record: Record, kept: NDArray[np.intp], rows: Array
