@@ -86,10 +86,10 @@ def _rows(folder: Path) -> list[Row]:
 Judged = Mapping[str, Mapping[str, tuple[Array, Array]]]
 
 
-def report(studies: Mapping[str, Sequence[Row]]) -> tuple[str, Judged]:
+def report(rows_of: Mapping[str, Sequence[Row]]) -> tuple[str, Judged]:
     """Return the tables as Markdown, and the probabilities with what is true, by study and question."""
     errors, sets, judged = [], [], {}
-    for study, rows in studies.items():
+    for study, rows in rows_of.items():
         pairs: dict[str, list[tuple[float, bool]]] = {name: [] for name in KINDS}
         for row in rows:
             for name, own in answers(row).items():

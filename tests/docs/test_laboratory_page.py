@@ -21,7 +21,7 @@ def reached():
 
 
 def test_the_figures_are_those_of_the_study():
-    line = r"^  \| .* \| (\d+ %) \| (\d+ of \d+) \| ([\d onf]+) \|$"
+    line = r"^\| .* \| (\d+ %) \| (\d+ of \d+) \| ([\d onf]+) \|$"
     stated = re.findall(line, FIRST, re.MULTILINE)
     assert sorted(stated) == sorted(reached())
     assert len(stated) == 6
@@ -39,7 +39,7 @@ def test_the_figures_are_those_of_the_second_study():
     for study, rows in cases[cases["study"] != "none"].groupby("study"):
         assert f"on {int((rows['additions'] > 0).sum())} of {len(rows)} |" in SECOND, study
     assert len(cases) == 1000
-    assert "All thousand plants" in SECOND
+    assert "All thousand plants of seed 2027" in SECOND
     said = re.search(r"left is true .*\((\d+ of \d+)\)", table)
     assert f"| {said[1]} | |" in SECOND
 
@@ -52,20 +52,6 @@ def test_false_additions_are_said_where_the_verdict_is_right():
     spoiled = outside.loc[outside["additions"] > 0, "subject"].value_counts()
     assert dict(spoiled) == {"preisach": 5, "bouc-wen": 1}
     assert f"{added.sum()} on {spoiled.sum()} of {len(outside)}" in PAGE
-    assert "on each of the 5 plants with Preisach hysteresis" in PAGE
-
-
-def test_what_was_not_found_is_counted_rightly():
-    cases = pd.read_csv(STUDY / "cases.csv")
-    pairs = cases[(cases["study"] == "pairs") & (cases["variant"] == "plain")]
-    missed = pairs[~pairs["found"].astype(bool)]
-    lagging = missed["subject"].str.contains("actuator_lag")
-    assert (len(missed), lagging.sum()) == (5, 1)
-    assert "of the five pairs not found, four are of that sort" in PAGE
-    assert set(missed.loc[lagging, "verdict"]) == {"unexplained"}
-    assert set(missed.loc[~lagging, "verdict"]) == {"explained"}
-    ratios = missed.loc[~lagging, "ratio"]
-    assert f"{ratios.min():.2f} to {ratios.max():.2f} noise floors" in PAGE
 
 
 def test_the_figures_on_kinds_are_those_of_their_tables():
@@ -77,4 +63,4 @@ def test_the_figures_on_kinds_are_those_of_their_tables():
     for name, figure in tables.items():
         table = ROOT / "studies" / "results" / f"{name}.md"
         said = re.search(figure, table.read_text(encoding="utf-8"))[1]
-        assert f"on {said} plants" in PAGE, name
+        assert re.search(rf"on {said}\s+plants", PAGE), name
