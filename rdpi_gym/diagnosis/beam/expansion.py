@@ -181,6 +181,12 @@ def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
     return _whole(evidence, (), [(model, of.key) for model in fewer], pool)
 
 
+def further(evidence: Evidence, of: Visited) -> list[Visited]:
+    """Return a set refitted again from where its passes ended."""
+    one = refitted(evidence, of.model, of.parent)
+    return [] if one is None else [replace(one, ghosts=of.ghosts, new=of.new, tried=of.tried)]
+
+
 def _whole(
     evidence: Evidence, known: Collection[Key], models: Sequence[tuple[Model, Key]], pool: Pool
 ) -> list[Visited]:
