@@ -56,10 +56,12 @@ BEGUN_FIRST = (
     "test_types.py",
     "fuzz",
     "laboratory/test_end_to_end.py",
+    "envs",
+    "baselines",
     "face",
 )
-"""Those whose tests take longest: begun last, one would end long after the other processes. Results that
-the tests of the face share are made once, as they are not divided among processes."""
+"""In this order. What takes longest, begun last, would end long after the other processes. The first half of
+the first tier begins with environments while the other compiles fits, and shares the results of the face."""
 
 MAY_SKIP = (
     "h-infinity",  # slycot, of the extra robust alone
@@ -89,7 +91,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if isinstance(item, pytest.DoctestItem) or _lies_in(item.path, SECOND_TIER):
             item.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: not _lies_in(item.path, BEGUN_FIRST))
+    items.sort(key=lambda item: [not _lies_in(item.path, (path,)) for path in BEGUN_FIRST])
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
