@@ -23,6 +23,7 @@ from rdpi_gym.diagnosis.beam.expansion import (
     Key,
     dropped,
     expanded,
+    further,
     of_other_kinds,
     offered,
     with_free_blocks,
@@ -292,8 +293,7 @@ def searched(
     done: set[Key] = set()
     signatures = dict[str, Sequence[Signature]]()
     for number in range(ROUNDS):
-        scores = beam.scored()
-        best = best_of(beam, scores)
+        scores, best = _led(beam, stage)
         front = [one for one in _front(beam, scores) if one.key not in done]
         front = [o for o in front if scores.may_grow(o, best) or len(o.model.effects) > 1]
         if not front:  # where no name pays any more, and none is an initial memory
@@ -334,12 +334,24 @@ def searched(
 
 def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:
     """Drop names of the best set until none with less has a larger weight."""
-    scores, before = beam.scored(), None
-    while (best := best_of(beam, scores)).key != before:
+    before, (scores, best) = None, _led(beam, stage)
+    while best.key != before:
         before, fewer = best.key, partial(dropped, beam.evidence, best, pool)
         beam.judge(stage(f"less than {' '.join(before)}", beam.visited, fewer))
-        scores = beam.scored()
+        scores, best = _led(beam, stage)
     return scores, best
+
+
+def _led(beam: Beam, stage: Stage) -> tuple[Scores, Visited]:
+    """Score all sets, and return the best one: where its refit had not ended, it goes on first."""
+    scores = beam.scored()
+    best = best_of(beam, scores)
+    if best.fit.converged:
+        return scores, best
+    name = f"{' '.join(best.key)} from {best.rmse_um:.9g} to its end"
+    beam.add(stage(name, beam.visited, partial(further, beam.evidence, best)))
+    scores = beam.scored()
+    return scores, best_of(beam, scores)
 
 
 def best_of(beam: Beam, scores: Scores) -> Visited:
