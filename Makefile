@@ -15,7 +15,8 @@ PYTHONS ?= 3.11 3.12 3.13 3.14
 MATRIX := uv run --no-project --isolated --with-editable '.[lab,minari,test,tune]'
 FIRST_TIER := pytest -n 2 --dist worksteal -m "not slow" tests
 
-# Tests run in two processes: threads of BLAS and OpenMP beside them would wait for each other on two cores.
+# Threads of BLAS and OpenMP beside the processes of tests would wait for each other on two cores. In the
+# second tier there are three processes: many of its tests wait for a browser, a server or a command.
 check test test-all matrix: export OMP_NUM_THREADS = 1
 check test test-all matrix: export OPENBLAS_NUM_THREADS = 1
 
@@ -36,7 +37,7 @@ test: .venv/.dev
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --durations=30 tests
 
 test-all: test
-	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations=60
+	$(BIN)/pytest -n 3 --dist worksteal -m slow --durations=60
 
 # Style, types, floors and the laws of the lower rooms: less than a minute once kernels are compiled.
 check: .venv/.dev

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
@@ -121,6 +120,8 @@ def sampled(
     numerator: Sequence[float], denominator: Sequence[float], ts_s: float, at_rad_s: float = 0.0
 ) -> LinearSystem:
     """Sample a filter in s by Tustin's rule."""
+    from scipy import signal
+
     half = 0.5 * at_rad_s * ts_s
     step = ts_s * math.tan(half) / half if 0.0 < half < 1.5 else ts_s
     a, b, c, d = signal.tf2ss(numerator, denominator)

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from baselines.adaptive_feedforward import spline_weights
 from baselines.base import Observation, Rows
@@ -71,6 +70,8 @@ class Repetitive(Tunable):
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
+        from scipy.signal import firwin
+
         super().__init__(belief, layout, settings)
         self._inverse = hysteresis_inverse(belief, layout)
         delay, series = linear_inverse(belief, layout.ts_s)
@@ -80,7 +81,7 @@ class Repetitive(Tunable):
         self._lead = round(delay + series[1])
         self._half = max(round(HALF_S / layout.ts_s), 1)
         band = min(2.0 * self.settings["band_hz"] * layout.ts_s, 0.95)
-        self._q = signal.firwin(2 * self._half + 1, band)
+        self._q = firwin(2 * self._half + 1, band)
         self._first: Array | None = None
 
     def plan(self, reference_um: ArrayLike) -> None:
@@ -248,15 +249,17 @@ class IterativeLearning(Tunable, Planned):
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
+        from scipy.signal import butter
+
         super().__init__(belief, layout, settings)
         self._inverse = hysteresis_inverse(belief, layout)
         delay, series = linear_inverse(belief, layout.ts_s)
         self._lead = round(delay) + _AHEAD
         self._prior = np.convolve(series, look_ahead(delay - self._lead, _ORDER))[1:_ORDER]
         band = min(self.settings["band_hz"] * layout.ts_s * 2.0, 0.95)
-        self._low_pass = signal.butter(2, band, output="sos")
+        self._low_pass = butter(2, band, output="sos")
         fit_band = min(_FIT_HZ * layout.ts_s * 2.0, 0.5)
-        self._high_pass = signal.butter(2, fit_band, btype="highpass", output="sos")
+        self._high_pass = butter(2, fit_band, btype="highpass", output="sos")
         self._reference: Array | None = None
 
     def _commands(self, reference_um: Array) -> Array:
@@ -312,10 +315,12 @@ class IterativeLearning(Tunable, Planned):
 
     def _update(self, error_um: Array, measured_um: Array) -> Array:
         """Return the correction of w for an error, by the inverse model that fits this pass."""
+        from scipy.signal import sosfiltfilt
+
         smooth, *rates = _derivatives(measured_um)
         entered = _later(_derivatives(self._wanted)[0], self._lead)
         shown = np.array([*rates, smooth, entered])
-        *phi_rows, target = signal.sosfiltfilt(self._high_pass, shown, axis=1)
+        *phi_rows, target = sosfiltfilt(self._high_pass, shown, axis=1)
         phi = np.array(phi_rows)
         target = target - phi[-1]
         samples = self.layout.scale_um * _DOUBT
@@ -328,7 +333,7 @@ class IterativeLearning(Tunable, Planned):
         theta = np.linalg.solve(left, right[:, :, None])[:, :-1, 0]
         value, *changes = _derivatives(error_um)
         wanted = value + np.einsum("bf,fkb->kb", theta, np.array(changes))
-        low: Array = signal.sosfiltfilt(self._low_pass, wanted, axis=0)
+        low: Array = sosfiltfilt(self._low_pass, wanted, axis=0)
         return _earlier(low, self._lead)
 
 

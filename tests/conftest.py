@@ -6,6 +6,7 @@ tests draw the same examples in continuous integration, and fresh ones elsewhere
 """
 
 import os
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -26,6 +27,8 @@ SECOND_TIER = (
     "benchmarks/test_reproduce_command.py",
     "benchmarks/test_tracking_learned.py",
     "studies",
+    "cli/test_ordinary_records.py",  # searches and environments by the dozen
+    "envs/test_fuzzed_steps.py",
     "cli/test_foreign_folder.py",  # processes, signals, damaged and foreign files by the thousand
     "faults",
     "fuzz",
@@ -53,8 +56,12 @@ BEGUN_FIRST = (
     "test_types.py",
     "fuzz",
     "laboratory/test_end_to_end.py",
+    "envs",
+    "baselines",
+    "face",
 )
-"""Those whose tests take longest: begun last, one would end long after the other process."""
+"""In this order. What takes longest, begun last, would end long after the other processes. The first half of
+the first tier begins with environments while the other compiles fits, and shares the results of the face."""
 
 MAY_SKIP = (
     "h-infinity",  # slycot, of the extra robust alone
@@ -69,15 +76,22 @@ settings.register_profile("default", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 
-def _lies_in(item: pytest.Item, paths: tuple[str, ...]) -> bool:
-    return any(item.path.is_relative_to(TESTS / path) for path in paths)
+@cache
+def _lies_in(file: Path, paths: tuple[str, ...]) -> bool:
+    return any(file.is_relative_to(TESTS / path) for path in paths)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Read no file in the first tier that is of the second: what they import takes seconds."""
+    first_tier = config.option.markexpr == "not slow"
+    return (first_tier and _lies_in(collection_path, SECOND_TIER)) or None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if isinstance(item, pytest.DoctestItem) or _lies_in(item, SECOND_TIER):
+        if isinstance(item, pytest.DoctestItem) or _lies_in(item.path, SECOND_TIER):
             item.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: not _lies_in(item, BEGUN_FIRST))
+    items.sort(key=lambda item: [not _lies_in(item.path, (path,)) for path in BEGUN_FIRST])
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from baselines.feedforward import (
     classical_polynomial,
@@ -84,6 +83,8 @@ def predicted_loop(reading: Reading, hysteresis: RDPI, ts_s: float) -> SlidingLo
 
 def limit_s(reading: Reading, hysteresis: RDPI) -> float:
     """Find the sampling time (s) at which a disturbance neither grows nor decays."""
+    from scipy.optimize import brentq
+
     delta2 = hysteresis.delta2_s
     return float(
         brentq(

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.stats import spearmanr
 
 from baselines import HORIZON_BOUND
 from benchmarks.rows import paragraphs, write_csv
@@ -190,6 +189,8 @@ def agreement(first: Sequence[Row], second: Sequence[Row]) -> float:
 
     The bound, and what sees more than the preview, do not count; NaN below three controllers.
     """
+    from scipy.stats import spearmanr
+
     one, other = (
         rivals_of(ranking(rows)).set_index("controller")["rank"].str.rstrip("=").astype(int)
         for rows in (first, second)

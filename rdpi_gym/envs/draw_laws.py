@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
-from scipy.signal import lfilter
 
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
@@ -62,6 +61,8 @@ class ColouredNoise:
 
     def standard_normal(self, size: int, /) -> Array:
         """Return the next numbers, ``float64[size]``."""
+        from scipy.signal import lfilter  # which takes longer to import than all environments
+
         law, rng = self._law, self._rng
         white, driven = rng.standard_normal(size), rng.standard_normal(size)
         pole = math.exp(-2.0 * math.pi * law.corner_hz * self._ts_s)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 # The measured records, cut to so many samples, compile what whole ones do; shorter ones need no thinning.
 _SAMPLES = 1500
 _TS_S, _TS_FACTOR = 1e-3, 4.0
-_RECORDS = ("stairs", "sine-50hz", "validation-stairs", "quiet")
 
 
 def _example() -> Dataset:
@@ -73,12 +72,10 @@ def _environments() -> None:
 
 def _discovery() -> None:
     from rdpi_gym.face.fitting import fit
-    from rdpi_gym.face.search import diagnose, discover
+    from rdpi_gym.face.search import diagnose
     from rdpi_gym.face.simulation import simulate
 
-    data = simulate("P5", hide="creep", seed=1, ts_factor=_TS_FACTOR).select(*_RECORDS)
-    discover(data, jobs=1)
-    diagnose(data, "P5", jobs=1)
+    simulate("P5", hide="creep", seed=1, ts_factor=_TS_FACTOR)
     measured = _example()
     diagnose(measured, fit(measured), jobs=1)  # what remains there is learned, and has a portrait
 
@@ -93,7 +90,7 @@ _PARTS = {
     "fit, compare": _fits,
     "effects": _effects,
     "environments": _environments,
-    "diagnose, discover": _discovery,
+    "simulate, discover": _discovery,
     "bench": _controllers,
 }
 

@@ -335,10 +335,15 @@ def _add_record(
         share = spread[i] / max(moves, 1e-300)
         if share > motion[i] or np.isnan(share):
             motion[i] = share
-    gram[:n, :n] += square
-    gram[:n, n:] += across
-    gram[n:, :n] += across.T
-    gram[n:, n:] += moved_by
+    for i in range(n):
+        for j in range(n):
+            gram[i, j] += square[i, j]
+        for j in range(across.shape[1]):
+            gram[i, n + j] += across[i, j]
+            gram[n + j, i] += across[i, j]
+    for i in range(moved_by.shape[0]):
+        for j in range(moved_by.shape[1]):
+            gram[n + i, n + j] += moved_by[i, j]
 
 
 def _products(

@@ -26,11 +26,11 @@ from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from studies.runner import RESULTS, Files, Study, study_rows
-from studies.third_effects.draws import SEED, digest, make_cases, prepare
+from studies.third_effects.draws import SEED, is_drawn_as, make_cases, prepare, sums
 
 OUT = RESULTS / "third"
 DRAWN = "drawn.csv"
-"""Checksums of the records, as they were drawn before the search that they judge."""
+"""Sums of the records (V, µm), as they were drawn before the search that they judge."""
 FOUND, LIKELY = 0.9, 0.5
 """Probabilities from which on an effect is found, or likely."""
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
@@ -41,27 +41,30 @@ _COLUMNS = (
 
 
 def draw(case: Case) -> Row:
-    """Return the checksum of a case."""
+    """Return the sums of a case."""
     prepared = prepare(case)
     return {
         "key": case.key,
         "records": len(prepared.dataset.records),
         "samples": prepared.truth["samples"],
-        "digest": digest(prepared.dataset),
+        **sums(prepared.dataset),
     }
 
 
-def stored_digests(folder: Path = OUT) -> dict[str, str]:
-    """Return the committed checksums by case."""
+def stored_draws(folder: Path = OUT) -> dict[str, dict[str, float]]:
+    """Return the committed sums by case."""
     path = folder / DRAWN
     if not path.is_file():
-        raise InputError(f"{path} is missing; it holds the checksums of the records: restore it")
-    table = pd.read_csv(path, dtype=str)
-    return dict(zip(table["key"], table["digest"], strict=True))
+        raise InputError(f"{path} is missing; it holds the sums of the records: restore it")
+    table = pd.read_csv(path, index_col="key")
+    return {str(key): dict(row) for key, row in table.iterrows()}
 
 
 def run_case(
-    case: Case, code: str, drawn: Mapping[str, str], engine: Engine = discover_engine
+    case: Case,
+    code: str,
+    drawn: Mapping[str, Mapping[str, float]],
+    engine: Engine = discover_engine,
 ) -> Row:
     """Draw one case, search it, and return its row."""
     row: Row = {
@@ -69,8 +72,8 @@ def run_case(
         "number": case.number, "seed": case.seed,
     }  # fmt: skip
     prepared = prepare(case)
-    if digest(prepared.dataset) != drawn.get(case.key):
-        raise InputError(f"{case.key} is not drawn as its checksum in {OUT / DRAWN} says")
+    if not is_drawn_as(sums(prepared.dataset), drawn[case.key]):
+        raise InputError(f"{case.key} is not drawn as {OUT / DRAWN} says")
     row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
     began = time.process_time()
     try:
@@ -148,7 +151,7 @@ def page(rows: Sequence[Row]) -> str:
 def _files(asked: Namespace) -> Files:
     cases = make_cases()
     if not asked.check:
-        run = partial(run_case, drawn=stored_digests())
+        run = partial(run_case, drawn=stored_draws())
         rows = study_rows(cases, run, asked, _ROOMS, sorted(Path(package.__path__[0]).glob("*.py")))
         return {f"{main.name}.md": page(rows)}
     drawn: list[Row] = []
@@ -158,9 +161,9 @@ def _files(asked: Namespace) -> Files:
             show("drawing", len(drawn), len(cases))
     if not (OUT / DRAWN).exists():
         return {DRAWN: pd.DataFrame(drawn)}
-    stored = stored_digests()
-    other = [row["key"] for row in drawn if stored.get(row["key"]) != row["digest"]]
-    if other or len(stored) != len(drawn):
+    stored = stored_draws()
+    other = [row["key"] for row in drawn if not is_drawn_as(row, stored[row["key"]])]
+    if other:
         raise InputError(
             f"{len(other)} of {len(drawn)} cases are not drawn as {OUT / DRAWN} says: {', '.join(other[:3])}"
         )
@@ -174,7 +177,7 @@ def _more(options: Options) -> None:
     )
 
 
-main = Study("third_effects", package.__doc__, _files, OUT, jobs=2, more=_more)
+main = Study("third_effects", package.__doc__, _files, OUT, jobs=2, csv="%.9g", more=_more)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,8 +1,7 @@
-"""Cases of the third study, their draws and their checksums."""
+"""Cases of the third study, their draws and the sums of their records."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -35,6 +34,8 @@ NUMBERS: Mapping[str, int] = {
     "none": 40, "single": 90, "double": 50, "triple": 25, "outside": 30, "kind": 30, "fault": 35,
 }  # fmt: skip
 """Cases of each stratum."""
+ROUNDING = 1e-6
+"""Difference of sums, as a part of the rms, that other machines and libraries may make."""
 _REDRAWS, _ATTEMPTS = 60, 8
 _WANTED = (3.6, 30.0)  # noise floors that an effect is to leave
 _GROWN = 1.1  # the direction in which another effect may be refitted
@@ -234,11 +235,24 @@ def _alike(bench: Bench, base: BaseModel) -> dict[str, list[str]]:
     return found
 
 
-def digest(dataset: Dataset) -> str:
-    """Return a checksum of records: five digits of sixteen samples each, as other machines round otherwise."""
-    lines = []
-    for r in dataset.records:
-        some = np.linspace(0, r.t_s.size - 1, 16).astype(int)
-        values = " ".join(f"{x:.5g}" for x in (*r.u_V[some], *r.y_um[some]))
-        lines.append(f"{r.name} {r.role} {r.t_s.size} {r.ts_s:.6g} {values}")
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
+def sums(dataset: Dataset) -> dict[str, float]:
+    """Return the rms over all records and the last sample, of the command (V) and the displacement (µm)."""
+    u_V, y_um = (
+        np.concatenate([getattr(r, of) for r in dataset.records]) for of in ("u_V", "y_um")
+    )
+    return {
+        "u_rms_V": float(np.sqrt(np.mean(u_V**2))),
+        "y_rms_um": float(np.sqrt(np.mean(y_um**2))),
+        "u_last_V": float(u_V[-1]),
+        "y_last_um": float(y_um[-1]),
+    }
+
+
+def is_drawn_as(drawn: Mapping[str, float], stored: Mapping[str, float]) -> bool:
+    """Tell whether sums are the stored ones, up to the rounding of another machine."""
+    return all(
+        abs(drawn[f"{x}_{of}_{unit}"] - stored[f"{x}_{of}_{unit}"])
+        <= ROUNDING * stored[f"{x}_rms_{unit}"]
+        for x, unit in (("u", "V"), ("y", "um"))
+        for of in ("rms", "last")
+    )

@@ -139,6 +139,7 @@ SLOW = {
 }
 
 
+@pytest.mark.slow
 @over("name", SLOW)
 def test_pi_gains_leave_a_margin_for_lags_and_modes(name):
     belief = plant_with(**SLOW[name])

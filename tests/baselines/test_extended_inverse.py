@@ -166,6 +166,7 @@ FALLS = [
 ]
 
 
+@pytest.mark.slow
 def test_the_error_falls_when_the_belief_knows_the_effect():
     for name, values, hz, offset_um, factor in FALLS:
         truth = plant_with(BARE, **{name: values})

@@ -46,6 +46,7 @@ def test_the_shipped_file_is_read_alike_by_the_zoo(name):
         assert settings.arguments()[key] == raw[key]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_the_algorithm_takes_the_shipped_arguments(name):
     settings = read_settings(SHIPPED / f"{name}.yml", ALGORITHMS[name])

@@ -79,8 +79,8 @@ def tracked(controller, truths, r):
     return np.sqrt(np.mean(play(controller, truths, r).errors_um ** 2, axis=0))
 
 
-@over("ts_s", [5e-5, 1e-3])
-@over("model", [P5, P10])
+@pytest.mark.slow
+@over("model, ts_s", [(P5, 1e-3), (P10, 5e-5)])
 @over("spread", [0.0, 0.05])
 def test_full_preview_is_a_bound_whatever_the_true_plant(model, ts_s, spread):
     plant = band_limited(model)

@@ -49,6 +49,7 @@ def refused(capsys, *words):
     return line
 
 
+@pytest.mark.slow
 def test_a_submission_scored_twice_gives_equal_numbers(submitted, tmp_path, capsys):
     tables = []
     for name in ("first", "second"):

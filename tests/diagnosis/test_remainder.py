@@ -99,6 +99,7 @@ def left_by_rdpi(train, validation, noise_um=NOISE_UM, quiet=()):
     return remainder(variant, train, validation, scale, noise_um, still=quiet_noise(quiet))
 
 
+@pytest.mark.slow
 @over("kind", [bouc_wen, preisach, relays, coleman_hodgdon])
 def test_hysteresis_of_another_kind_follows_from_the_input(kind):
     found = left_by_rdpi(*measure(kind))
@@ -286,6 +287,7 @@ def mixture(protocol, follows, disturbs, share, seed):
     return remainder(plant, first, rest, data_scale(measured), NOISE_UM)
 
 
+@pytest.mark.slow
 @over("protocol", PROTOCOLS)
 @over(
     "follows, disturbs, share",

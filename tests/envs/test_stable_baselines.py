@@ -206,6 +206,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 @over("way", WAYS)
 @over("name", SMALL)
 def test_it_trains(name, way):

@@ -58,6 +58,7 @@ def test_fit_of_another_kind_of_hysteresis(folder, tmp_path, capsys):
     )
 
 
+@pytest.mark.slow
 def test_fit_chooses_the_kind_of_hysteresis(folder, tmp_path, capsys):
     run("fit", folder, "--core", "auto", "--out", tmp_path)
     said = capsys.readouterr().out

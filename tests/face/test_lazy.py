@@ -9,7 +9,9 @@ import pytest
 import rdpi_gym as rg
 from tests.looping import over
 
-HEAVY = ("torch", "plotly", "matplotlib", "pandas", "scipy", "numba", "h5py", "joblib")
+HEAVY = (
+    "torch", "plotly", "matplotlib", "pandas", "scipy", "scipy.signal", "numba", "h5py", "joblib",
+)  # fmt: skip
 
 
 def loaded_by(statement):
@@ -38,6 +40,10 @@ def test_nothing_heavy_is_loaded(statement):
 def test_plots_alone_load_matplotlib():
     statement = "import rdpi_gym as rg; rg.make_controller('none', 'P5'); rg.plants['P5']"
     assert not {"matplotlib", "plotly", "torch"} & set(loaded_by(statement))
+
+
+def test_environments_and_controllers_load_no_filters():
+    assert loaded_by("import rdpi_gym.envs, baselines") == ["scipy", "numba"]
 
 
 def test_every_name_is_there_and_listed():

@@ -112,6 +112,7 @@ def test_table_is_the_callers_own(comparison):
     assert comparison.rmse_um() > 0
 
 
+@pytest.mark.slow
 def test_becomes_a_page_that_fetches_nothing(results, tmp_path, subtests):
     for name, result in results.items():
         with subtests.test(name):

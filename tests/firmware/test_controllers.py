@@ -122,6 +122,7 @@ def _one_form_of_each_inverse() -> Iterator[Effect]:
     yield from found.values()
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_every_kind_of_inverse_has_its_c(tmp_path: Path) -> None:
     for effect in _one_form_of_each_inverse():
@@ -134,6 +135,7 @@ def test_every_kind_of_inverse_has_its_c(tmp_path: Path) -> None:
     assert controller_program("extended-inverse", P10, TS_S).begin == ""
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_any_core_is_inverted_by_the_same_search(tmp_path: Path) -> None:
     scale = DataScale(0.0, 30.0, 20.0, fastest_V_s=400.0, shortest_s=1e-3, longest_s=4.0)
@@ -160,6 +162,7 @@ class InDouble:
         return getattr(np, name)
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_learned_policies_are_as_near_as_floats_and_nearer_in_double(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -1,4 +1,4 @@
-"""Damaged files of every kind, each with its share of 15,000; and a fuzzer that can find something."""
+"""Damaged files of every kind, each with its share of 7,500; and a fuzzer that can find something."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from tests.fuzz.structure import (
 )
 
 SEED = int(os.environ.get("RDPI_FUZZ_SEED", "0"))
-CASES = {name: count // 4 for name, count in DAMAGED.items()} | {
-    name: count // 2 for name, count in STRUCTURED.items()
+CASES = {name: count // 8 for name, count in DAMAGED.items()} | {
+    name: count // 4 for name, count in STRUCTURED.items()
 }
 """A part of the shares of `make fuzz`, which finds in a night what is rare."""
 
 
 def test_each_kind_of_attack_has_its_share() -> None:
     assert sum(DAMAGED.values()) == sum(STRUCTURED.values()) == 20_000
-    assert sum(CASES.values()) == 5_000 + 10_000
+    assert 7_400 < sum(CASES.values()) <= 2_500 + 5_000
 
 
 @pytest.mark.parametrize("group", GROUPS)

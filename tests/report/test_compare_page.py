@@ -56,6 +56,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 def test_a_page_of_every_case_is_written(tmp_path):
     for name, records in CASES.items():
         comparison = compare(Dataset("a data set", records), named_plant("P5-static"))

@@ -88,6 +88,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 def test_a_page_of_every_case_is_written(made_discovery, tmp_path):
     for name, case in CASES.items():
         result = case(made_discovery)

@@ -10,8 +10,8 @@ from benchmarks.effect_discovery.forms import FORMS as FOREIGN_FORMS
 from benchmarks.effect_discovery.protocols import PROTOCOLS as FOREIGN_PROTOCOLS
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
-from studies.third_effects.__main__ import judge_row, main, stored_digests
-from studies.third_effects.draws import NUMBERS, digest, make_cases, prepare
+from studies.third_effects.__main__ import judge_row, main, stored_draws
+from studies.third_effects.draws import NUMBERS, ROUNDING, is_drawn_as, make_cases, prepare, sums
 from studies.third_effects.faults import EXCUSED, FAULTS
 from studies.third_effects.forms import EFFECTS, FORMS
 from studies.third_effects.physics import filtered, slip_sums
@@ -54,9 +54,16 @@ def test_every_stratum_has_its_cases_and_every_subject_its_turn():
         assert {c.subject for c in CASES.values() if c.study == study} == set(subjects)
 
 
-def test_the_checksums_of_all_cases_are_committed():
-    stored = stored_digests()
-    assert set(stored) == set(CASES)
+def test_the_sums_of_all_cases_are_committed():
+    assert set(stored_draws()) == set(CASES)
+
+
+@over("name", ["u_rms_V", "u_last_V", "y_rms_um", "y_last_um"])
+def test_another_rounding_is_the_same_draw_and_another_sum_is_not(name):
+    stored = next(iter(stored_draws().values()))
+    rms = stored[name.replace("last", "rms")]
+    for change, same in ((0.5, True), (2.0, False)):
+        assert is_drawn_as(stored | {name: stored[name] + change * ROUNDING * rms}, stored) is same
 
 
 def bench(u, delta2_s=0.0, parts=8):
@@ -92,10 +99,10 @@ def test_wider_elements_yield_later_and_a_filter_is_its_differential_equation():
 
 
 @over("study", list(NUMBERS))
-def test_a_case_is_drawn_as_its_committed_checksum_says(study):
+def test_a_case_is_drawn_as_its_committed_sums_say(study):
     case = first(study)
     once = prepare(case)
-    assert digest(once.dataset) == stored_digests()[case.key]
+    assert is_drawn_as(sums(once.dataset), stored_draws()[case.key])
     truth = json.loads(json.dumps(once.truth, allow_nan=False))
     assert all(floors >= 3.0 for floors in truth["floors"].values())
     assert truth["sampling_um"] >= 0.0

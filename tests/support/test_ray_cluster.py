@@ -45,7 +45,7 @@ def cluster():
     shutil.rmtree(folder, ignore_errors=True)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def second(cluster):
     node = cluster.add_node(**NODE)
     yield node

@@ -236,7 +236,7 @@ def _rounds(
         for name, other in course.beside(one).items():
             errors = course.errors_of(other)
             each = _candidate(course, name, before, errors, noise_um, other.fit)
-            if each.share > 0.0 and other.key not in course.beam.accepted:
+            if round(100.0 * each.share) > 0 and other.key not in course.beam.accepted:
                 each = replace(each, remarks=(*each.remarks, template("refused")))
             tried.append(each)
         tried.sort(key=lambda c: c.errors.validation_rmse_um)

@@ -150,21 +150,15 @@ def settle_plays(rest_V: float, turns_V: Array, fresh: Lanes) -> None:
             state[2 + i, b] = play(x, rest_V - r, rest_V + r)
 
 
-@njit(cache=True)
-def begin_signals(first: int, end: int, waves: tuple[Any, ...], noise: tuple[Any, ...]) -> None:
-    """Begin the references and the noise of lanes."""
-    begin_waves(first, end, *waves)
-    begin_noise(first, end, *noise)
-
-
 @njit(cache=True, parallel=True)
 def begin_signals_parallel(
     threads: int, count: int, waves: tuple[Any, ...], noise: tuple[Any, ...]
 ) -> None:
-    """Do as :func:`begin_signals` for all that begin, each thread with its share of them."""
+    """Begin references and noise of all lanes that begin, each thread with its share of them."""
     for thread in prange(threads):
         first, end = thread * count // threads, (thread + 1) * count // threads
-        begin_signals(first, end, waves, noise)
+        begin_waves(first, end, *waves)
+        begin_noise(first, end, *noise)
 
 
 @njit(cache=True)

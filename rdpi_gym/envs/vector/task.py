@@ -20,7 +20,6 @@ from rdpi_gym.envs.truth import (
 )
 from rdpi_gym.envs.vector.begin import (
     Column,
-    begin_signals,
     begin_signals_parallel,
     draw_episodes,
     draw_seeds,
@@ -53,7 +52,7 @@ from rdpi_gym.envs.vector.lanes import (
     unshared,
 )
 from rdpi_gym.envs.vector.plants import CoreLanes, EffectStages, LaneCores, glides_of, wear_of
-from rdpi_gym.envs.vector.random import NoiseTables
+from rdpi_gym.envs.vector.random import NoiseTables, begin_noise
 from rdpi_gym.envs.vector.waves import (
     AHEAD,
     ANGLE,
@@ -72,6 +71,7 @@ from rdpi_gym.envs.vector.waves import (
     START,
     TRIANGLE,
     Drawn,
+    begin_waves,
 )
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.signals import Multisine, Signal, Sine, Triangle
@@ -234,7 +234,8 @@ class LaneGroup:
         if threads > 1:
             begin_signals_parallel(threads, count, waves, noise)
         else:
-            begin_signals(0, count, waves, noise)
+            begin_waves(0, count, *waves)
+            begin_noise(0, count, *noise)
         sources = self._current_sources()._replace(ahead_um=waves[-1], noise=noise[-1])
         row = run_chain(
             self._law.core, fresh.p[0], fresh.state[0], self._effects.table, fresh.stage_p[0],

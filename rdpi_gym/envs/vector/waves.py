@@ -127,7 +127,9 @@ def _place_wave(
     wave: Array,
 ) -> None:  # fmt: skip
     """Draw what is left to draw of a wave."""
-    wave[:COLUMNS] = table[min(choice, len(table) - 1)]
+    row = min(choice, len(table) - 1)
+    for i in range(COLUMNS):
+        wave[i] = table[row, i]
     if np.isnan(wave[FREQUENCY]):
         wave[FREQUENCY] = low_hz
         if low_hz < high_hz:

@@ -336,7 +336,8 @@ def _take_curves(p: Array, curve: Array, last: Array, changes: float, pieces: Ar
                 first = _CURVE[int(curve[b])]
                 for j in range(PIECE):
                     pieces[j, b] = p[first + j, b]
-    last[:] = curve
+    for b in range(len(curve)):
+        last[b] = curve[b]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})

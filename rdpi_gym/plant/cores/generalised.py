@@ -125,7 +125,8 @@ def generalised_block(u: Array, v: Array, p: Array, state: Array, y: Array) -> N
     for b in range(u.shape[1]):
         column, x = p[:, b].copy(), state[2:, b].copy()
         _one_lane(u[:, b], column, column[: n + 1], column[n + 1 : 2 * n + 1], x, y[:, b])
-        state[2:, b] = x
+        for k in range(x.shape[0]):
+            state[2 + k, b] = x[k]
 
 
 @dataclass(frozen=True)

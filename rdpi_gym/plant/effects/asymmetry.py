@@ -307,7 +307,8 @@ def _generalised_plays(u: Array, p: Array, state: Array, ts: float, more: Array)
             ordinary[i], between[i] = x, z
             more[t, i] = z - x
     state[0], state[1] = last, rate
-    state[2 : 2 + n], state[2 + n : 2 + 2 * n] = ordinary, between
+    for i in range(n):
+        state[2 + i], state[2 + n + i] = ordinary[i], between[i]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
@@ -350,10 +351,12 @@ def unlike_envelopes_block(x: Array, u: Array, p: Array, state: Array, ts: float
                     break
         if not shared:
             owner = b
-            begin[:] = state[: begin.size, b]
-            end[:] = begin
+            for k in range(begin.size):
+                begin[k] = state[k, b]
+                end[k] = begin[k]
             _generalised_plays(u[:, b].copy(), p[:, b].copy(), end, ts, more)
-        state[: end.size, b] = end
+        for k in range(end.size):
+            state[k, b] = end[k]
         _add_weighted(x[:, b], more, p[_HEAD : _HEAD + n, b].copy(), y[:, b])
 
 

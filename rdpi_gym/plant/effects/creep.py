@@ -76,7 +76,8 @@ def creep_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array)
         z = state[1 : elements + 1, b].copy()
         steps = p[1:, b].copy().reshape(elements, 3)
         _one_lane(x[:, b], steps, p[0, b], state[0, b], z, y[:, b])
-        state[1 : elements + 1, b] = z
+        for k in range(elements):
+            state[1 + k, b] = z[k]
         state[0, b] = x[-1, b]
 
 

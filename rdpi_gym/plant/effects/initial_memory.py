@@ -21,7 +21,9 @@ def _decaying(centre_V: float, reach_V: float, ratio: float) -> tuple[float, ...
 @njit(cache=True)
 def identity_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel that passes its input on: the plays carry this effect."""
-    y[:] = x
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            y[t, b] = x[t, b]
 
 
 class _Memory(Stateless):
