@@ -17,8 +17,7 @@
 4. The best few sets go on in parallel, each by every move: those that have a weight, and those that are
    behind the best one by no more than it leaves. Which start of a form promises most beside a set is
    linear algebra on columns that were simulated once (``signatures``). What promises most is followed
-   for a few steps, each name in one form, then those that are not worse than the best look by the one
-   decision in their others; of these looks the best are refitted (``moves``, ``expansion``). In the set
+   for a few steps, and of these looks the best are refitted (``moves``, ``expansion``). In the set
    that leads, each name is exchanged against the others, too. A set goes on while one effect more, were
    nothing left then, could make it weigh more than the best one.
 5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the

@@ -29,8 +29,6 @@ class Asked:
     against: Place  # What they have to gain upon
     most: int = 1  # Looks of the group that are refitted whole
     clocks: Sequence[Look] = ()
-    # Looked at where the same names by other starts are not worse than the best look
-    further: Sequence[Starts] = ()
 
 
 def offered(evidence: Evidence, of: Visited) -> list[Signature]:
@@ -73,8 +71,8 @@ def _moves_of(
     )
     found = []
     if grows:
-        starts, clocks = [*place.names(), *place.pairs()], place.clocks()
-        found.append(Asked(of, place, starts, place, REFITTED, clocks, place.other_forms()))
+        starts = [*place.additions(), *place.pairs()]
+        found.append(Asked(of, place, starts, place, REFITTED, place.clocks()))
     for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
         if grows:
@@ -122,21 +120,17 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
     for each in asked:
         own = [(places.index(each.place), starts) for starts in each.starts]
         wanted |= dict.fromkeys([(places.index(each.against), ()), *own])
-    looks = _looks(places, list(wanted), pool)
-    still = [
-        (places.index(each.place), starts)
-        for each in asked
-        if each.further
-        for starts in _still(each, *_seen(each, places, looks))
-    ]
-    looks |= _looks(places, still, pool)
+    # the longest first, so that no process waits for another's last
+    cases = sorted(wanted, key=lambda case: -_numbers(places[case[0]], case[1]))
+    looks = dict(zip(cases, pool.map(partial(_looked, places), cases), strict=True))
     parents = list(dict.fromkeys(each.of.key for each in asked))
     linear = [_linear(evidence, next(a.of for a in asked if a.of.key == key)) for key in parents]
     kept: list[tuple[int, Visited, Look, int]] = []
     for each in asked:
-        base, found = _seen(each, places, looks)
-        found += each.clocks
-        if base is None or not found:
+        seen = [looks[places.index(each.place), starts] for starts in each.starts]
+        found = [*(look for look in seen if look is not None), *each.clocks]
+        base = looks[places.index(each.against), ()] if found else None
+        if base is None:
             continue
         near = each.place.evidence
         chosen = (
@@ -148,31 +142,6 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
     kept.sort(key=lambda case: -len(case[2].model.effects))
     sets = pool.map(partial(_refitted, evidence, linear), kept)
     return [each for each in sets if each is not None]
-
-
-Looks = dict[tuple[int, Starts], Look | None]
-"""Looks by the place and the starts."""
-
-
-def _looks(places: Sequence[Place], wanted: Sequence[tuple[int, Starts]], pool: Pool) -> Looks:
-    """Take looks, the longest first, so that no process waits for another's last."""
-    cases = sorted(wanted, key=lambda case: -_numbers(places[case[0]], case[1]))
-    return dict(zip(cases, pool.map(partial(_looked, places), cases), strict=True))
-
-
-def _seen(each: Asked, places: Sequence[Place], looks: Looks) -> tuple[Look | None, list[Look]]:
-    """Return the look at what moves have to gain upon, and those at the moves."""
-    place = places.index(each.place)
-    seen = [looks.get((place, starts)) for starts in (*each.starts, *each.further)]
-    return looks[places.index(each.against), ()], [look for look in seen if look is not None]
-
-
-def _still(each: Asked, base: Look | None, found: Sequence[Look]) -> list[Starts]:
-    """Return the further starts of names that are not worse than the best look by the one decision."""
-    near = each.place.evidence
-    best = [] if base is None else raced(base, found, near, 1)
-    names = {look.new for own in best for look in bearable(own, found, near)}
-    return [starts for starts in each.further if not best or (starts[0].name,) in names]
 
 
 def _numbers(place: Place, starts: Starts) -> int:

@@ -225,13 +225,13 @@ class Place:
         own = [each for each in self.offered if each.start.name not in names]
         return self._promised([*self.signed(shown), *own])
 
-    def names(self) -> list[Starts]:
-        """Starts of the effects that promise most, each in its form that does."""
-        return [(forms[0][1].start,) for forms in self._first]
+    def additions(self) -> list[Starts]:
+        """Starts of the effects that promise most, of every form: a step says little of a curved one."""
+        return [(own.start,) for forms in self._first for _, own in forms]
 
-    def other_forms(self) -> list[Starts]:
-        """Starts of their other forms."""
-        return [(own.start,) for forms in self._first for _, own in forms[1:]]
+    def names(self) -> list[Starts]:
+        """Start of each of these effects that promises most."""
+        return [(forms[0][1].start,) for forms in self._first]
 
     @property
     def _first(self) -> list[list[tuple[float, Promise]]]:

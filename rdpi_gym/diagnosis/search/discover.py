@@ -281,9 +281,7 @@ def _refitted_with(
     kind = evidence.offer.effects[name]
     only = replace(evidence, offer=replace(evidence.offer, effects={name: kind}))
     place = Place(only, base.model, [each for each in signatures if each.start.name == name])
-    starts = [*place.names(), *place.other_forms()] or [
-        (start,) for start in kind.starts(evidence.scale)[:1]
-    ]
+    starts = place.additions() or [(start,) for start in kind.starts(evidence.scale)[:1]]
     looks = [look for each in starts if (look := place.look_at(each)) is not None]
     if not looks:
         return None
