@@ -172,7 +172,7 @@ def _measure_all(chosen: Namespace) -> Files:
     if table.empty:
         raise InputError("; ".join(f"{name}: {why}" for name, why in without.items()))
     known = chosen.out / "firmware_cost.csv"
-    if chosen.only and known.exists():
+    if chosen.only and known.exists() and known.with_suffix(".md").exists():
         kept = pd.read_csv(known).query("program not in @names")
         others = re.findall(r"^- (.*?): (.*)$", known.with_suffix(".md").read_text(), re.MULTILINE)
         without |= {name: why for name, why in others if name.split(", M")[0] not in names}
