@@ -224,7 +224,8 @@ class AdaptiveFeedforward(Tunable):
         learned = lane_products(self.fit.theta(fit)[:count], phi)
         correction = believed + trust * (learned - believed)
         most = MOST * self.layout.scale_um
-        wanted: Array = self._value(window, smooth) + np.clip(correction, -most, most)
+        bounded = np.minimum(np.maximum(correction, -most), most)
+        wanted: Array = self._value(window, smooth) + bounded
         return wanted
 
     def _value(self, window_um: Array, smooth_um: Array) -> Array:

@@ -95,7 +95,9 @@ def product(matrix: Array, columns: Array) -> Array:
         return np.zeros((*matrix.shape[:-1], columns.shape[1]))
     # One layout, so that one compiled kernel serves all: two that are kept by two processes at once
     # may be mistaken for one another.
-    rows = np.require(np.atleast_2d(matrix), np.float64, ["C", "W"])
+    rows = matrix if matrix.ndim == 2 else matrix[None]
+    if not (rows.flags.carray and rows.dtype == np.float64):
+        rows = np.require(rows, np.float64, ["C", "W"])
     found: Array = _products(rows, np.ascontiguousarray(columns))
     return found[0] if matrix.ndim == 1 else found
 

@@ -361,7 +361,8 @@ class BankFeedforward(CorrectedAdaptive):
         last = self.layout.command_V(observation)
         command = self.bank.command(wanted_um, weights, MOST * self.layout.scale_um, memory)
         low, high, step = self.limits
-        return np.clip(np.clip(command, low, high), last - step, last + step)
+        allowed = np.minimum(np.maximum(command, low), high)
+        return np.minimum(np.maximum(allowed, last - step), last + step)
 
     def compared(self, state: Array) -> tuple[Array, Array]:
         """Return φ of the measured y beside the columns, and H_0[u] - y (µm), at k - HALF."""

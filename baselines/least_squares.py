@@ -275,7 +275,7 @@ class NestedLeastSquares(ForgettingLeastSquares):
         missed = phi[self._order]
         _rotate(factor, missed, z.copy(), np.where(counts, 1.0, 0.0))
         for m, size in enumerate(self.sizes):
-            errors[m] += np.where(counts, self._share, 0.0) * (missed[size - 1] ** 2 - errors[m])
+            _judge(errors[m], missed[size - 1], counts, self._share)
         due = _due(count[1], counts)
         if not due.any():
             return
@@ -342,6 +342,14 @@ def _forget(factor: Array, kept: Array, precision: Array, prior: Array, count: A
             count[0, b] = (turn + 1) % size
     if moves:
         _rotate(factor, x, z, weight)
+
+
+@njit(cache=True)
+def _judge(mean_square: Array, missed: Array, counts: NDArray[np.bool_], share: float) -> None:
+    """Move the mean square error of a model on by one sample."""
+    for b in range(len(counts)):
+        taken = share if counts[b] else 0.0
+        mean_square[b] += taken * (missed[b] * missed[b] - mean_square[b])
 
 
 @njit(cache=True)

@@ -10,6 +10,7 @@ clock goes by instructions. A loop of known length is counted along.
 from __future__ import annotations
 
 import dataclasses
+import re
 import subprocess
 import sys
 import tempfile
@@ -171,8 +172,10 @@ def _measure_all(chosen: Namespace) -> Files:
     if table.empty:
         raise InputError("; ".join(f"{name}: {why}" for name, why in without.items()))
     known = chosen.out / "firmware_cost.csv"
-    if chosen.only and known.exists():
+    if chosen.only and known.exists() and known.with_suffix(".md").exists():
         kept = pd.read_csv(known).query("program not in @names")
+        others = re.findall(r"^- (.*?): (.*)$", known.with_suffix(".md").read_text(), re.MULTILINE)
+        without |= {name: why for name, why in others if name.split(", M")[0] not in names}
         order = {name: place for place, name in enumerate(cases())}
         table = pd.concat([kept, table], ignore_index=True)
         table = table.sort_values("program", key=lambda own: own.map(order), kind="stable")

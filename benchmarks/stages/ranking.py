@@ -24,7 +24,7 @@ from benchmarks.stages.run import (
     WORST_PERCENT,
 )
 from benchmarks.tracking.controllers import own_of
-from benchmarks.tracking.episode import WARM_SAMPLES
+from benchmarks.tracking.episode import BLOCK, WARM_SAMPLES
 from benchmarks.tracking.evaluation import CONFIDENCE, ranged
 from rdpi_gym.envs.tasks import TASKS
 from rdpi_gym.support.arrays import Array
@@ -210,7 +210,7 @@ METHOD = f"""\
 - **Beside the ranking.** `{HORIZON_BOUND}` inverts the true plant, with all that it remembers, over the same preview as everybody's: what not knowing the plant costs is the distance to it. It is no proof of a smallest error. `{RIGHT_KIND}` is `adaptive-dual-loop` told the nominal plant of the right kind, on tasks where others believe another kind. `{INFORMATION}` is the information bound: it is told of which distribution the plant was drawn, estimates it from the readings of the episode alone, and inverts the estimate like the first.
 - **†.** IQM within {100 * (NEAR_BOUND - 1):.0f} % of `{HORIZON_BOUND}`: closer than a controller that does not know the plant is expected to come.
 - **Whole reference, {PASSES} passes.** Controllers that are given the whole reference before the episode, and those that learn from pass to pass over the same one, are not ranked; of the latter the last pass is scored.
-- **Time.** Median processor time of one decision for one plant, after the first {WARM_SAMPLES}, on the machine of the run.
+- **Time.** Processor time of one decision for one plant, the least mean of {BLOCK} after the first {WARM_SAMPLES}, on the machine of the run.
 - **Tuned on.** Plant samples of training draws that its committed settings took; 0: nothing was tuned.
 - **Certificate.** What a controller says of its stability on its belief before it drives anything.
 - **Order kept.** Spearman's correlation of the ranks of all rivals on the plants of even and of odd numbers, two disjoint draws.

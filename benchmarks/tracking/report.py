@@ -14,7 +14,7 @@ from baselines import FULL_PREVIEW
 from benchmarks.payoff.report import payoff_part, payoff_section
 from benchmarks.rows import paragraphs, write_csv
 from benchmarks.tracking import charts
-from benchmarks.tracking.episode import BELOW_NOISE, MEANING, shown_error, words
+from benchmarks.tracking.episode import BELOW_NOISE, BLOCK, MEANING, shown_error, words
 from benchmarks.tracking.evaluation import (
     COLUMNS,
     CONFIDENCE,
@@ -42,7 +42,7 @@ METHOD = f"""\
 - **Bound.** `{FULL_PREVIEW}` is no controller and has no rank. It holds the true plant of every row and the whole reference, and inverts the one along the other before it begins: what it leaves is what the sampling time, the command's range and the accuracy of its inversion leave. Nothing is measured, so noise costs it nothing. The benchmark gives the true plant to it alone.
 - **Optimality gap.** RMSE over that of `{FULL_PREVIEW}` on the same row. It is large, since the bound is nearly exact on a smooth reference: it says what knowledge of the plant, preview and freedom from noise would be worth together.
 - **Command variation.** Total variation of the command over that of the bound's command on the same row; a value far above 1 is chatter, dither or noise that is passed on.
-- **Time.** `µs per sample` is the median time of one decision for one plant through `predict`, on the machine and under the load of this run.
+- **Time.** `µs per sample` is the processor time of one decision for one plant through `predict`, the least mean of {BLOCK}, on the machine of this run.
 """
 WHERE_TRAINED = (
     "A trained policy runs only at the sampling time of its training. Here all controllers are ranked "

@@ -334,4 +334,4 @@ class ObservationLayout:
             action = 2.0 * (command_V - low) / (high - low) - 1.0
         else:
             action = (command_V - self.command_V(observation)) / self.action_scale_V
-        return np.clip(action, -1.0, 1.0)[..., None].astype(np.float32)
+        return np.minimum(np.maximum(action, -1.0), 1.0)[..., None].astype(np.float32)
