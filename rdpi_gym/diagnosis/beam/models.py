@@ -59,6 +59,11 @@ class Model:
         """Names of the effects and clock faults, without forms."""
         return frozenset([e.name for e in self.effects] + [c.name for c in self.clocks])
 
+    @property
+    def numbers(self) -> int:
+        """Count of the numbers of effects that a refit is free in."""
+        return sum(not p.fixed for effect in self.effects for p in effect.parameters)
+
     def simplified(self, scale: DataScale) -> list[Model]:
         """Return the models with one effect in its simplest form."""
         found = []

@@ -151,7 +151,7 @@ def diagnose(dataset: Dataset, request: Request) -> SearchResult:
         tell(Refit(each.effect, "", None, each.errors, {}, {}, remark=each.remarks[0]))
     beam.judge(found)
     scores = beam.scored()
-    best = best_of(beam, scores)
+    best = _simplest([one for one in scores.sets if one.key in beam.accepted], scores)
     if not scores.is_at_floor(best):
         blocks = partial(with_free_blocks, evidence, best, search.pool)
         beam.add(search.kept.stage("free blocks", beam.visited, blocks))
@@ -322,12 +322,13 @@ def _learned(
 
 
 def _simplest(found: Sequence[Visited], scores: Scores) -> Visited:
-    """Return the first form that is not worse than the best one by the one decision."""
+    """Return the one of fewest numbers of those that are not worse than the best by the one decision."""
     table = np.array([scores.of(one) for one in found])
     lost = chances(
         table - table[int(np.argmin(table.mean(axis=1)))], np.zeros(len(found)), scores.draws
     )
-    return found[int(np.argmax(lost >= LEVEL))]
+    equal = [one for one, chance in zip(found, lost, strict=True) if chance >= LEVEL]
+    return min(equal, key=lambda one: one.model.numbers)
 
 
 def _told(
