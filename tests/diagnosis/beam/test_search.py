@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.beam.constants import LOOKED
+from rdpi_gym.diagnosis.beam.constants import LEVEL, LOOKED
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import diagnose, takes_less
@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, raced
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
-from rdpi_gym.diagnosis.beam.search import Scores, begun
+from rdpi_gym.diagnosis.beam.search import Beam, Scores, begun
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI, Plant
@@ -151,19 +151,52 @@ def test_a_clock_that_leaves_the_floats_is_a_set_less_and_not_the_end(crept):
     assert refitted(evidence, Model(RDPI.comb(evidence.scale), clocks=(wild,))) is None
 
 
+CREEP = CATALOGUE["creep"].within_bounds()
+BARE = Model(P10.hysteresis)
+
+
+def _scores(*sets):
+    return Scores(sets, Blocks((16,)), 1.0, np.ones(1), 0)
+
+
+def _visited(model, left, **of):
+    """A set that leaves as much of every sample, or of each of its blocks."""
+    return Visited(model, None, (np.resize(left, (10, 16)).T.ravel(),), **of)
+
+
 @pytest.mark.parametrize(("left_um", "grade"), [(1.5, False), (4.0, True)])
 def test_a_name_that_takes_less_than_its_set_leaves_is_no_cause(left_um, grade):
-    creep = CATALOGUE["creep"].within_bounds()
+    bare, best = _visited(BARE, 5.0), _visited(Model(P10.hysteresis, (CREEP,)), left_um)
+    assert takes_less(_scores(bare, best), best, "creep") is grade
 
-    def visited(model, size_um):
-        return Visited(model, None, (np.full(160, size_um),))
 
-    bare, best = (
-        visited(Model(P10.hysteresis), 5.0),
-        visited(Model(P10.hysteresis, (creep,)), left_um),
+@pytest.mark.parametrize(("more_um", "better"), [(4.0, True), (6.0, False)])
+def test_a_mean_gain_is_accepted_where_it_stands_out_of_the_change_from_block_to_block(
+    crept, more_um, better
+):
+    bare = _visited(BARE, 5.0)
+    move = _visited(Model(P10.hysteresis, (CREEP,)), np.tile([4.0, more_um], 8), parent=bare.key)
+    beam = Beam(Evidence.of(crept), visited={bare.key: bare})
+    beam.add([move])
+    beam.accept([move], _scores(bare, move))
+    assert (move.key in beam.accepted) is better
+
+
+@pytest.mark.parametrize(("phantom_um", "better"), [(4.9, True), (3.0, False)])
+def test_a_move_gains_what_its_best_phantom_does_not(phantom_um, better):
+    bare, gain = _visited(BARE, 5.0), np.tile([2.5, 3.5], 8)
+    ghosts = tuple((np.full(160, each),) for each in (5.0, 5.0, phantom_um))
+    move = _visited(
+        Model(P10.hysteresis, (CREEP,)), gain, parent=bare.key, ghosts=ghosts, new=("creep",)
     )
-    scores = Scores((bare, best), Blocks((16,)), 1.0, np.ones(1), 0)
-    assert takes_less(scores, best, "creep") is grade
+    assert (_scores(bare, move).chances_of([move])[0] < LEVEL) is better
+
+
+def test_sets_that_leave_the_same_weigh_by_their_priors():
+    bare, more = _visited(BARE, 5.0), _visited(Model(P10.hysteresis, (CREEP,)), 5.0)
+    fewer, with_creep = _scores(bare, more).weights.mean(axis=0)
+    of_one_effect = len(CATALOGUE)  # sets
+    assert with_creep / fewer == pytest.approx(1.0 / of_one_effect)
 
 
 def test_the_stage_of_a_lag_is_tried_before_the_plays_with_its_numbers(crept):
