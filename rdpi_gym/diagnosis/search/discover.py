@@ -25,7 +25,6 @@ from rdpi_gym.diagnosis.beam.search import (
     OnVisited,
     Scores,
     begun,
-    best_of,
     searched,
     visited_now,
 )
