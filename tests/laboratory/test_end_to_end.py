@@ -38,7 +38,8 @@ def _walk(page, lab, files, folder):
     page.drop(files)
     page.until_steps(1)
     for count, effect in enumerate(("asymmetry", "creep"), 2):
-        page.until_tried()
+        page.until_ranked()
+        page.tab.get_by_test_id(f"card-{effect}").filter(has_text="advised").wait_for()
         assert page.first_card == effect
         page.click(f"add-{effect}")
         page.until_steps(count)
