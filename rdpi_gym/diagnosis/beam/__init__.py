@@ -31,7 +31,7 @@ Every number that does not come from the data stands in ``constants.TABLE``.
 Limits
 ------
 - Names, paired over 40 plants (``studies/results/one_law``): exact on 80 %, as the search before; a wrong
-  name that is likely on 7.5 % and found on none, where that found one on 5 %; 0.82 of its processor time.
+  name that is likely on 7.5 % and found on none, where that found one on 5 %; 0.77 of its processor time.
 - What goes by the clock beside other effects is followed by smooth curves of fourteen knots; a walk
   that is rougher leaves a few per cent above the floor, and further names are asked of it.
 - Time: longest where much is left that nothing takes, as each refitted set offers as many again: PICMA
