@@ -382,7 +382,6 @@ def first_fit(
     kind: type[Core],
     effects: Sequence[Effect],
     scale: DataScale,
-    smoothness: float = 0.0,
     least_um: float = math.inf,
 ) -> JointFit | None:
     """Refit a kind of hysteresis on few samples, from the starts of which a few steps leave least.
@@ -399,7 +398,6 @@ def first_fit(
                 effects,
                 _START_STEPS,
                 samples=FIRST_SAMPLES,
-                smoothness=smoothness,
                 least_um=least_um,
             )
             for start in starts
@@ -410,8 +408,7 @@ def first_fit(
         variants = [each.variant for each in begun[:_FOLLOWED]]
     fits = [
         fit_joint(
-            records, variant.hysteresis, variant.effects, _PASSES, samples=FIRST_SAMPLES,
-            smoothness=smoothness,
+            records, variant.hysteresis, variant.effects, _PASSES, samples=FIRST_SAMPLES
         )
         for variant in variants
     ]  # fmt: skip
@@ -445,6 +442,5 @@ def with_one_more(
             best.effects,
             _PASSES_ON,
             samples=FIRST_SAMPLES,
-            smoothness=fit.smoothness,
         )
-    return first_fit(records, type(core), best.effects, scale, fit.smoothness)
+    return first_fit(records, type(core), best.effects, scale)

@@ -447,7 +447,7 @@ def _refitted(
     smoothness: float,
 ) -> tuple[JointFit, _Pass, Array, Sequence[Free]]:
     """Return the refit, its last pass, the gains of that pass's place, and the free numbers."""
-    problem, best = _begun(records, start, effects, held, samples, smoothness)
+    problem, best = _begun(records, start, effects, samples, held, smoothness)
     here = problem.whole_pass(best)
     best = _with_gains(best, here.gains)
     here = problem.light_pass(best, here)
@@ -533,9 +533,7 @@ def first_steps(
     start: Core,
     effects: Sequence[Effect],
     steps: int,
-    held: frozenset[str] = frozenset(),
     samples: int | None = None,
-    smoothness: float = 0.0,
     near: FirstSteps | None = None,
     least_um: float = math.inf,
 ) -> FirstSteps:
@@ -544,7 +542,7 @@ def first_steps(
     The derivatives by the weights, dozens of lanes, are those of the start or of another one near
     by: the error that is returned is that of a model in which they are linear.
     """
-    problem, best = _begun(records, start, effects, held, samples, smoothness)
+    problem, best = _begun(records, start, effects, samples)
     here = (
         problem.whole_pass(best)
         if near is None
@@ -601,7 +599,7 @@ def tangents(
 ) -> Tangents:
     """Linearise a model on the samples that :func:`kept_samples` names."""
     core, effects = variant.hysteresis, variant.effects
-    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    problem, _ = _begun(records, core, effects, samples)
     return Tangents(problem.rows(variant), _moves(variant, problem.free))
 
 
@@ -628,7 +626,7 @@ def tangents_near(
 ) -> Tangents:
     """Linearise a model, given the derivatives by the gains of another one near by."""
     core, effects = variant.hysteresis, variant.effects
-    problem, _ = _begun(records, core, effects, frozenset(), samples, 0.0)
+    problem, _ = _begun(records, core, effects, samples)
     rows = [
         np.hstack([own, change])
         for own, change in zip(columns, problem.changes(variant), strict=True)
@@ -657,7 +655,7 @@ def effect_rows(
     """
     base, lanes, steps, own = variants[0], list[Variant[Any]](), list[float](), list[list[Free]]()
     for variant in variants:
-        problem, _ = _begun(records, variant.hysteresis, variant.effects, frozenset(), samples, 0.0)
+        problem, _ = _begun(records, variant.hysteresis, variant.effects, samples)
         own.append([number for number in problem.free if number.effect == place])
         changed, by = replace(problem, free=own[-1]).neighbours(variant)
         lanes += [variant, *changed]
@@ -686,9 +684,9 @@ def _begun(
     records: Sequence[Record],
     start: Core,
     effects: Sequence[Effect],
-    held: frozenset[str],
     samples: int | None,
-    smoothness: float,
+    held: frozenset[str] = frozenset(),
+    smoothness: float = 0.0,
 ) -> tuple[_Problem, Variant[Any]]:
     fastest = max(float(np.max(np.abs(np.diff(r.u_V)))) / r.ts_s for r in records)
     span = max(float(np.ptp(r.u_V)) for r in records)

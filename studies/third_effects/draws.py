@@ -251,8 +251,7 @@ def sums(dataset: Dataset) -> dict[str, float]:
 def is_drawn_as(drawn: Mapping[str, float], stored: Mapping[str, float]) -> bool:
     """Tell whether sums are the stored ones, up to the rounding of another machine."""
     return all(
-        abs(drawn[f"{x}_{of}_{unit}"] - stored[f"{x}_{of}_{unit}"])
-        <= ROUNDING * stored[f"{x}_rms_{unit}"]
-        for x, unit in (("u", "V"), ("y", "um"))
-        for of in ("rms", "last")
+        abs(drawn[name] - stored[name]) <= ROUNDING * stored[rms]
+        for rms, last in (("u_rms_V", "u_last_V"), ("y_rms_um", "y_last_um"))
+        for name in (rms, last)
     )

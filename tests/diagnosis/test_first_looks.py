@@ -11,7 +11,7 @@ from rdpi_gym.diagnosis.search.separability import next_experiment, typical_effe
 from rdpi_gym.diagnosis.search.setting import Setting
 from rdpi_gym.diagnosis.suitability import comb
 from rdpi_gym.identification.cores import FIRST_SAMPLES
-from rdpi_gym.identification.joint import first_steps
+from rdpi_gym.identification.joint import first_steps, fit_joint
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import P10, Plant
@@ -50,7 +50,7 @@ def test_first_steps_come_near_the_fit_that_they_begin():
     here = setting(lag(time_constant_s=0.01))
     start = lag.starts(here.scale)[0]
     steps = first_steps(here.train, comb(here.train), (start,), 4, samples=FIRST_SAMPLES)
-    fit = here.fit(comb(here.train), (start,))
+    fit = fit_joint(here.train, comb(here.train), (start,))
     assert steps.train_rmse_um == pytest.approx(fit.train_rmse_um, rel=0.05)
     (found,) = steps.variant.effects
     (best,) = fit.variant.effects

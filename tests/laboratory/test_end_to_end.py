@@ -45,7 +45,7 @@ def test_two_hidden_effects_are_found_and_taken_home(browser, hidden, files, tmp
 
 
 def _left_by(hidden):
-    """What the stage leaves of the record to judge by, simulated from every second sample (µm rms)."""
+    """Residual of the stage itself on the record to judge by, simulated from every second sample (µm rms)."""
     stage = replace(hidden.truth.plant, effects=hidden.truth.hidden)
     (record,) = [r for r in hidden.records if r.name == "validation-loops"]
     simulated = Plant(stage, 2 * record.ts_s).simulate(record.u_V[::2])

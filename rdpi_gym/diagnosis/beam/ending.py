@@ -35,7 +35,7 @@ from rdpi_gym.measurement import Record
 from rdpi_gym.plant import CORES, PlantModel
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.effects.unknown import Unknown
-from rdpi_gym.support.parallel import Pool
+from rdpi_gym.support.parallel import ALONE, Pool
 from rdpi_gym.support.progress import Progress, silent
 
 
@@ -54,14 +54,14 @@ class Course:
         return self.evidence.in_full
 
     @cached_property
-    def _errors(self) -> dict[tuple[str, ...], Errors]:
+    def _outcomes(self) -> dict[tuple[str, ...], Outcome]:
         return {}
 
-    def errors_of(self, one: Visited) -> Errors:
-        """Return the errors of a set on all records in full."""
-        if one.key not in self._errors:
-            self._errors[one.key] = judged(self.whole, one).errors
-        return self._errors[one.key]
+    def outcome_of(self, one: Visited) -> Outcome:
+        """Return a set with its errors on all records in full."""
+        if one.key not in self._outcomes:
+            self._outcomes[one.key] = judged(self.whole, one)
+        return self._outcomes[one.key]
 
     @cached_property
     def weights(self) -> dict[tuple[str, ...], float]:
@@ -130,7 +130,7 @@ def ended(
     began: float,
     given: PlantModel[Any] | None = None,
     seed: int = 0,
-    pool: Pool | None = None,
+    pool: Pool = ALONE,
     progress: Progress = silent,
     removed: tuple[str, ...] = (),
     notes: tuple[str, ...] = (),
@@ -142,9 +142,7 @@ def ended(
     clocks = best.model.clocks
     whole, searched = course.whole, _setting(evidence.mended(clocks))
     noise_um, origin = whole.floor(best.lefts)
-    law, said = in_few_numbers(
-        searched, assess(searched, "", best.fit), given, noise_um, pool or Pool(1)
-    )
+    law, said = in_few_numbers(searched, assess(searched, "", best.fit), given, noise_um, pool)
     if evidence.reads_fewer is not None:
         variant = law.fit.variant
         full = refitted(whole, Model(variant.hysteresis, variant.effects, clocks))
@@ -156,7 +154,7 @@ def ended(
         near = replace(
             setting, train=close_up(setting.train), validation=close_up(setting.validation)
         )
-    base = law if course.best is course.way[0] else judged(whole, course.way[0])
+    base = law if course.best is course.way[0] else course.outcome_of(course.way[0])
     added = _steps(course, law, base, noise_um)
     records = list({r.name: r for r in (*whole.train, *whole.validation)}.values())
     turned = (template("turned"),) if evidence.sign < 0.0 else ()
@@ -212,7 +210,7 @@ def _steps(course: Course, end: Outcome, base: Outcome, noise_um: float) -> list
     found: list[Candidate] = []
     present, before = {effect.name for effect in course.way[0].model.effects}, base.errors
     for one in course.way[1:]:
-        errors = end.errors if one is course.best else course.errors_of(one)
+        errors = end.errors if one is course.best else course.outcome_of(one).errors
         for effect in course.effects_of(one.model):
             if effect.name not in present:
                 candidate = _candidate(course, effect.name, before, errors, noise_um, end.fit)
@@ -231,10 +229,10 @@ def _rounds(
     """Return for each set on the way the effects that were refitted beside it, those added first."""
     found = list[tuple[Candidate, ...]]()
     for one in course.way:
-        before = course.errors_of(one)
+        before = course.outcome_of(one).errors
         tried = []
         for name, other in course.beside(one).items():
-            errors = course.errors_of(other)
+            errors = course.outcome_of(other).errors
             each = _candidate(course, name, before, errors, noise_um, other.fit)
             if round(100.0 * each.share) > 0 and other.key not in course.beam.accepted:
                 each = replace(each, remarks=(*each.remarks, template("refused")))
@@ -283,8 +281,8 @@ def _beside_others(course: Course, candidate: Candidate) -> Candidate:
     for name in candidate.indistinguishable:
         rival = course.named(others | {name})
         if name not in others and rival is not None:
-            instead[name] = course.errors_of(rival).validation_rmse_um
-    without_um = None if fewer is None else course.errors_of(fewer).validation_rmse_um
+            instead[name] = course.outcome_of(rival).errors.validation_rmse_um
+    without_um = None if fewer is None else course.outcome_of(fewer).errors.validation_rmse_um
     return replace(candidate, without_um=without_um, instead=instead)
 
 

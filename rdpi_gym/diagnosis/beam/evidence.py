@@ -189,8 +189,10 @@ class Evidence:
     def floors_um(self, lefts: Sequence[Array]) -> Array:
         """Return the floor of each record (µm rms): the noise at most, and what the simulation leaves open."""
         numerical_um = self.numerical_um or (0.0,) * len(lefts)
-        spread = floor_spread(self.noise, rough_parts(lefts), slowness(lefts))
-        return np.hypot((1.0 + _SURE * spread) * self.floor_um(lefts), numerical_um)
+        shown = rough_parts(lefts), slowness(lefts)
+        floor_um, _ = floor_from(self.noise, *shown)
+        most_um = (1.0 + _SURE * floor_spread(self.noise, *shown)) * floor_um
+        return np.hypot(most_um, numerical_um)
 
 
 def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:

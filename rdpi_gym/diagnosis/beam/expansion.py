@@ -47,25 +47,14 @@ def _asked(
     known: Collection[Key],
     done: Collection[Key],
     signatures: Mapping[str, Sequence[Signature]],
-    one: tuple[Visited, bool, bool],
+    case: tuple[Visited, bool, bool],
 ) -> list[Asked]:
     """Return the moves of a set that promise most, and those that drop an effect.
 
     Names are exchanged in the set that leads: the others that go on are its rivals already. What
     promises most beside a set that was expanded was looked at there.
     """
-    make = partial(_moves_of, evidence, known, done, signatures, one)
-    return or_none(make, one[0].model.effects) or []
-
-
-def _moves_of(
-    evidence: Evidence,
-    known: Collection[Key],
-    done: Collection[Key],
-    signatures: Mapping[str, Sequence[Signature]],
-    one: tuple[Visited, bool, bool],
-) -> list[Asked]:
-    of, grows, leads = one
+    of, grows, leads = case
     place = Place(
         evidence.mended(of.model.clocks), of.model, signatures.get(of.model.core.name, ())
     )
@@ -168,7 +157,8 @@ def expanded(
     the set without them is `done`.
     """
     of, grows, _ = case
-    found = _expanded(evidence, _asked(evidence, known, done, signatures, case), pool)
+    asked = or_none(partial(_asked, evidence, known, done, signatures, case), of.model.effects)
+    found = _expanded(evidence, asked or [], pool)
     models = exchanged(of.model, evidence.scale, evidence.offer) if grows else []
     return [*found, *_whole(evidence, known, [(model, of.key) for model in models], pool)]
 

@@ -178,7 +178,7 @@ class Beam:
 
 
 def _open_um(variant: Variant[Core], record: Record) -> float:
-    """What the simulation of a record leaves open (µm rms): between its samples, and thresholds."""
+    """Error that the simulation of a record leaves open (µm rms): between its samples, and thresholds."""
     core, numerical_um = variant.hysteresis, numerical_floor(variant, [record]).borne_um
     if not isinstance(core, ThresholdCore) or core.n < 3:
         return numerical_um
@@ -233,7 +233,7 @@ class Scores:
 
     @property
     def _price(self) -> float:
-        """What one effect has to gain (nats)."""
+        """Least gain that pays for one effect more (nats)."""
         return log_prior(0, self.offered) - log_prior(1, self.offered)
 
     def _left(self, one: Visited) -> float:
@@ -266,7 +266,7 @@ def prior_of(model: Model, offered: int) -> float:
     """Logarithm of the prior of a set: of its effects, their forms, and its kind of core."""
     found = log_prior(len(model.names), offered)
     for effect in model.effects:
-        if isinstance(effect, Unknown) or effect.name == Unknown.name:
+        if effect.name == Unknown.name:
             found -= math.log(len(FREE_BLOCKS))
         elif effect.form:
             found -= math.log(len(forms_of(type(effect))))
@@ -302,10 +302,8 @@ def searched(
                 return searched(spared, jobs, seed, progress, on_visited)
             break
         for k, one in enumerate(front):
-            scores = beam.scored()
-            grows = scores.may_grow(
-                one, best_of(beam, scores)
-            )  # what was found since may forbid it
+            scores = beam.scored()  # what was found since may forbid it to grow
+            grows = scores.may_grow(one, best_of(beam, scores))
             if not grows and len(one.model.effects) < 2:
                 continue
             if grows and one.model.core.name not in signatures:

@@ -14,6 +14,7 @@ from rdpi_gym.diagnosis.portrait.trials import SAMPLES, Tried, learn, shares, tr
 from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.rdpi import RDPI
@@ -181,7 +182,7 @@ def draw(
     progress: Progress,
 ) -> Portrait | None:
     """Draw the portrait of what a model misses."""
-    base = assess(setting, "", setting.fit(hysteresis, present, samples=SAMPLES))
+    base = assess(setting, "", fit_joint(setting.train, hysteresis, present, samples=SAMPLES))
     tried = try_all(setting, hysteresis, present, forms, progress)
     best = tried[0]
     before, after = (o.errors.validation_rmse_um for o in (base, best.outcome))

@@ -51,7 +51,10 @@ def learn(
             for fit in best
             if fit.train_rmse_um <= near
         ]
-    fits = [setting.fit(core, effects, _PASSES, held, SAMPLES) for core, effects in begun]
+    fits = [
+        fit_joint(setting.train, core, effects, _PASSES, held=held, samples=SAMPLES)
+        for core, effects in begun
+    ]
     return assess(setting, Unknown.name, min(fits, key=lambda fit: fit.train_rmse_um))
 
 
@@ -64,8 +67,8 @@ def learn_forms(
 ) -> list[Outcome]:
     """Refit the forms of the block; those with two memories where one memory comes near the best.
 
-    Forms that do not converge are left out. Forms whose memory came out shorter than the samples are left out: they are static ones that a
-    compensator takes for what they are not.
+    Forms that do not converge are left out, and those whose memory came out shorter than the samples:
+    they are static ones that a compensator takes for what they are not.
     """
     kinds = forms_of(kind)
     found: dict[str, Outcome] = {}

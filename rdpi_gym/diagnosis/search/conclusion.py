@@ -36,7 +36,7 @@ from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.verdict import Judgement, NumericalFloor, judge
 from rdpi_gym.diagnosis.words import in_words, template, text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
-from rdpi_gym.identification.joint import NO_FIT, JointFit
+from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
 from rdpi_gym.identification.plausibility import plausibility_warnings
 from rdpi_gym.identification.residuals import simulate_record
 from rdpi_gym.measurement import Dataset
@@ -224,7 +224,7 @@ def portrayed(
     """Draw the portrait of what a model misses, beside the effects that came nearest; say why not."""
     core, effects = fit.variant.hysteresis, fit.variant.effects
     try:
-        fitted = setting.fit(on_comb(core, setting.train), effects).variant
+        fitted = fit_joint(setting.train, on_comb(core, setting.train), effects).variant
         plays = fitted.hysteresis.pruned()
         typical = typical_effects(catalogue, setting.scale)
         kin = {c.effect: typical[c.effect] for c in nearest if c.effect in typical}

@@ -443,5 +443,5 @@ class Inspection:
             raise InputError(
                 f"held: the model has no parameter {unknown[0]}; it has {', '.join(sorted(names))}"
             )
-        fit = self._setting.fit(model.hysteresis, model.effects, held=frozenset(held))
+        fit = fit_joint(self._setting.train, model.hysteresis, model.effects, held=frozenset(held))
         return refit_of(self._setting, assess(self._setting, "", fit), model)

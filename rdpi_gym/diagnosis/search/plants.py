@@ -64,7 +64,7 @@ def _evened(setting: Setting, outcome: Outcome, noise_um: float) -> Outcome:
 
     Loops of one size do not tell weights apart: those of the least error follow the noise.
     """
-    least = outcome.mean_square - _COST * (noise_um**2 + outcome.mean_square)
+    least = outcome.mean_square - _allowed_um2(outcome, noise_um)
     if least <= noise_um**2:
         return outcome
     variant = outcome.fit.variant
@@ -75,6 +75,11 @@ def _evened(setting: Setting, outcome: Outcome, noise_um: float) -> Outcome:
     even = or_none(refit, variant.effects)
     found = outcome if even is None else assess(setting, outcome.effect, even)
     return found if found.mean_square < least else outcome
+
+
+def _allowed_um2(outcome: Outcome, noise_um: float) -> float:
+    """Cost of the threshold law (µm²) up to which it is kept."""
+    return _COST * (noise_um**2 + outcome.mean_square)
 
 
 def _said(core: Core) -> str:
@@ -104,10 +109,9 @@ def _to_threshold_law(
         return outcome, template("law/none")
     plays = law.fit.variant.hysteresis.n
     cost = law.mean_square - outcome.mean_square
-    allowed = _COST * (noise_um**2 + outcome.mean_square)
     before, after = outcome.errors.validation_rmse_um, law.errors.validation_rmse_um
     change = 100.0 * (after / max(before, 1e-300) - 1.0)
-    if cost <= allowed:
+    if cost <= _allowed_um2(outcome, noise_um):
         return law, template("law/kept", plays=plays, change=change)
     return outcome, template("law/comb", plays=plays, change=change)
 

@@ -11,19 +11,13 @@ import numpy as np
 from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import (
-    JointFit,
-    fit_joint,
-)
+from rdpi_gym.identification.joint import JointFit
 from rdpi_gym.identification.residuals import centred_residual, pieces_of, rms_over
 from rdpi_gym.measurement import Record
 from rdpi_gym.measurement.quantities import template_of
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect
 from rdpi_gym.support.arrays import Array
-
-# Passes of a whole refit.
-_PASSES = 30
 
 
 @dataclass(frozen=True)
@@ -61,19 +55,6 @@ class Setting:
     def exchanged(self) -> Setting:
         """Return the same data, fitted where they were judged and judged where they were fitted."""
         return replace(self, train=self.validation, validation=self.train)
-
-    def fit(
-        self,
-        hysteresis: Core,
-        effects: Sequence[Effect] = (),
-        passes: int = _PASSES,
-        held: frozenset[str] = frozenset(),
-        samples: int | None = None,
-    ) -> JointFit:
-        """Fit a model to the training records, as ``fit_joint`` does."""
-        return fit_joint(
-            self.train, hysteresis, effects, passes, held=held, samples=samples
-        )  # fmt: skip
 
 
 def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
