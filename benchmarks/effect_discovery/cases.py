@@ -158,7 +158,10 @@ def found(discovery: SearchResult) -> dict[str, Any]:
             {c.effect: c.errors.validation_rmse_um for c in tried if c.parameters}
             for tried in discovery.rounds[1:]
         ],
-        "steps": [_candidate(added) | _details(added) for added in discovery.named],
+        "steps": [
+            _candidate(added) | _details(added) | {"grade": discovery.grade(added)}
+            for added in discovery.named
+        ],
         "removed": list(discovery.removed),
         "probabilities": None
         if discovery.probabilities is None

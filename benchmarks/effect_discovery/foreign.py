@@ -483,13 +483,16 @@ def _check_visible(bench: Bench, clean: Sequence[Array], by_input: Sequence[Arra
 
 
 def further_fields(discovery: SearchResult, prepared: Prepared, case: Case) -> dict[str, Any]:
-    """Return what a result says about the residual, sampling and the data, and the true residual."""
+    """Return what reading and a result say about data, sampling, residual, and the true residual."""
     document = discovery.to_dict()
     names = ("left", "findings", "sampling", "undecided")
     fields = {name: document[name] for name in names if name in document}
     forms = {step["effect"]: step["form"] for step in document.get("steps", []) if step.get("form")}
     return fields | {
         "numerical_floor_um": discovery.numerical_floor_um,
+        "core": discovery.core.kind,
+        # records of which reading states that their times or rows are not sound
+        "remarked": sum(bool(r.remarks) for r in prepared.dataset.records),
         "forms": forms,
         "true_left": true_residual(discovery, prepared.records, case.subject),
     }
