@@ -35,6 +35,8 @@ _NOTICED_AS: Mapping[str, tuple[str, ...]] = {
     "one sample apart": ("clock",),
     "clock skew": ("clock",),
 }
+# Faults of clocks and rows that reading states, before anything is fitted.
+_READ = ("rounded stamps", "jittered stamps", "missing rows")
 
 
 def _between_samples(truth: Mapping[str, Any]) -> str:
@@ -69,7 +71,8 @@ def judge(row: Row) -> dict[str, Any]:
         alike = alike | {"initial_memory": [*alike.get("initial_memory", ()), _UNKNOWN_PAST]}
         first = first if len(steps) > 1 else _UNKNOWN_PAST
     exact = first in subject
-    missing, by_class, additions = list(subject), 0, 0
+    grades = {c["effect"]: c.get("grade", "found") for c in row.get("steps", [])}
+    missing, by_class, additions, wrong_found = list(subject), 0, 0, 0
     for name in sorted(steps, key=lambda name: name not in subject):
         stands_for = [s for s in missing if name in alike.get(s, [])]
         if name in missing:
@@ -79,8 +82,11 @@ def judge(row: Row) -> dict[str, Any]:
             by_class += 1
         elif name not in excused:
             additions += 1
+            wrong_found += grades.get(name) == "found"
     first_by_class = not exact and any(first in alike.get(s, []) for s in subject)
     ratio = row["validation_um"] / row["noise_um"] if done else math.nan
+    degraded, remarked = truth.get("degraded", ""), bool(row.get("remarked"))
+    read = remarked and degraded in _READ
     judged = {
         "study": row["study"],
         "subject": "+".join(row["subject"]) or "nothing",
@@ -90,11 +96,12 @@ def judge(row: Row) -> dict[str, Any]:
         "variant": row.get("variant", ""),
         "status": row["status"],
         "protocol": truth.get("protocol", ""),
-        "degraded": truth.get("degraded", "") or "none",
+        "degraded": degraded or "none",
         "noise_um": row.get("noise_um"),
         "between_samples": _between_samples(truth),
         "findings": "+".join(sorted(findings)),
-        "noticed": bool(findings & set(_NOTICED_AS.get(truth.get("degraded", ""), ()))),
+        "noticed": read or bool(findings & set(_NOTICED_AS.get(degraded, ()))),
+        "clock_stated": remarked or "clock" in findings,
         "first": first,
         "first_exact": exact,
         "first_by_class": first_by_class,
@@ -103,6 +110,7 @@ def judge(row: Row) -> dict[str, Any]:
         "found_by_class": done and not missing and by_class > 0,
         "found": done and not missing and not is_outside,
         "additions": additions,
+        "wrong_found": wrong_found,
         "steps": "+".join(steps),
         "verdict": row.get("verdict", ""),
         "ratio": ratio,
@@ -274,6 +282,7 @@ _COLUMNS: Mapping[str, Callable[[pd.DataFrame], object]] = {
     "named_by_class": lambda part: _percent(part["found_by_class"]),
     "explained": lambda part: _percent(part["verdict"] == "explained"),
     "wrong": lambda part: _percent(part["additions"] > 0),
+    "wrong_found": lambda part: _percent(part["wrong_found"] > 0),
     "sentences_true": lambda part: _percent(_true(_done(part)["all_true"])),
     "false_additions": lambda part: int(part["additions"].sum()),
     "median_ratio": lambda part: part["ratio"].median(),
@@ -473,21 +482,19 @@ def _independent_sections(rows: Sequence[Row]) -> list[str]:
 # --- the foreign truth ---
 
 _FOREIGN_TARGETS: tuple[Goal, ...] = (
-    Goal(
-        "single",
-        "the right effect ranked first",
-        95.0,
-        lambda j: j["first_right"],
-        "first_by_class",
-    ),
+    Goal("single", "the effect named", 95.0, lambda j: j["found"], "found_by_class"),
     Goal("double", "both effects named", 85.0, lambda j: j["found"], "found_by_class"),
-    Goal("triple", "all three effects named", 80.0, lambda j: j["found"], "found_by_class"),
+    Goal("triple", "all three effects named", 75.0, lambda j: j["found"], "found_by_class"),
     Goal("none", "nothing named", 98.0, _silent),
-    Goal("single", "verdict `explained`", 85.0, lambda j: j["verdict"] == "explained"),
+    Goal("single", "verdict `explained`", 87.0, lambda j: j["verdict"] == "explained"),
 )
+_WRONG = "a wrong name that is found", "a wrong name that is found or likely"
+_CLOCKS = ("clock skew", *_READ)
+_WRONG_ASKED: Mapping[str, tuple[float, float]] = {"all": (5.0, 8.0), "outside": (8.0, 15.0)}
+"""Most of the cases with a wrong name that is found, and with one that is found or likely (%)."""
 _SHARES = (
     "cases", "failed", "first_exact", "first_by_class", "named_exact", "named_by_class", "explained",
-    "wrong", "sentences_true", "median_ratio", "median_clean", "median_seconds", "first_instead",
+    "wrong", "wrong_found", "sentences_true", "median_ratio", "median_clean", "median_seconds", "first_instead",
 )  # fmt: skip
 _STATEMENTS = (
     ("share_true", f"the interval has the true share, ± {MARGIN:g}"),
@@ -509,12 +516,20 @@ def foreign_targets(rows: Sequence[Row]) -> list[Target]:
             classes = int(part[goal.by_class].sum()) if goal.by_class else 0
             reached = int(goal.fulfils(part).sum())
             found.append(Target(goal.study, goal.asks, goal.percent, reached, len(part), classes))
+    for study, limits in _WRONG_ASKED.items():
+        part = j if study == "all" else j[j["study"] == study]
+        for column, words, most in zip(("wrong_found", "additions"), _WRONG, limits, strict=True):
+            wrong = int((part[column] > 0).sum())
+            found.append(Target(study, words, most, wrong, len(part), 0, at_most=True))
     done = _done(j)
-    wrong, true = int((j["additions"] > 0).sum()), int(_true(done["all_true"]).sum())
+    true = int(_true(done["all_true"]).sum())
+    faults, sound = done[done["degraded"].isin(_CLOCKS)], done[done["degraded"] == "none"]
+    noticed, stated = int(faults["noticed"].sum()), int(sound["clock_stated"].sum())
     return [
         *found,
-        Target("all", "an effect added that is not there", 5.0, wrong, len(j), 0, at_most=True),
         Target("all", "what is said about what is left is true", 98.0, true, len(done), 0),
+        Target("clock faults", "noticed", 80.0, noticed, len(faults), 0),
+        Target("sound records", "a clock fault stated", 2.0, stated, len(sound), 0, at_most=True),
     ]
 
 
@@ -605,7 +620,7 @@ REPORTS: Mapping[str, Report] = {
         (
             "study", "subject", "form", "number", "seed", "status", "protocol", "degraded",
             "noise_um", "between_samples", "findings", "noticed", "first", "first_exact",
-            "first_by_class", "found_exact", "found_by_class", "additions", "steps", "verdict",
+            "first_by_class", "found_exact", "found_by_class", "additions", "wrong_found", "steps", "verdict",
             "ratio", "seconds", "clean_ratio", "true_share", "share_true", "hidden_true",
             "explained_true", "sampling_true", "all_true",
         ),

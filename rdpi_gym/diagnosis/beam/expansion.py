@@ -163,12 +163,19 @@ def expanded(
     return [*found, *_whole(evidence, known, [(model, of.key) for model in models], pool)]
 
 
-def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
-    """Return the sets with one effect or clock fault less, or one in its simplest form."""
+def dropped(
+    evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool
+) -> list[Visited]:
+    """Return the sets that have no more effects: with one less, simpler, or under another name.
+
+    Those under another name only where they are not `known`.
+    """
     kept = {effect.name for effect in evidence.offer.kept}
-    fewer = [model for model in of.model.without_one() if kept <= model.names]
-    fewer += of.model.simplified(evidence.scale)
-    return _whole(evidence, (), [(model, of.key) for model in fewer], pool)
+    models = [model for model in of.model.without_one() if kept <= model.names]
+    models += of.model.simplified(evidence.scale)
+    others = exchanged(of.model, evidence.scale, evidence.offer)
+    models += [model for model in others if model.key not in known]
+    return _whole(evidence, (), [(model, of.key) for model in models], pool)
 
 
 def further(evidence: Evidence, of: Visited) -> list[Visited]:

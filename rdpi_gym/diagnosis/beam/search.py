@@ -331,10 +331,11 @@ def searched(
 
 
 def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:
-    """Drop names of the best set until none with less has a larger weight."""
+    """Drop and exchange names of the best set until none of these sets has a larger weight."""
     before, (scores, best) = None, _led(beam, stage)
     while best.key != before:
-        before, fewer = best.key, partial(dropped, beam.evidence, best, pool)
+        before = best.key
+        fewer = partial(dropped, beam.evidence, frozenset(beam.visited), best, pool)
         beam.judge(stage(f"less than {' '.join(before)}", beam.visited, fewer))
         scores, best = _led(beam, stage)
     return scores, best

@@ -76,7 +76,7 @@ class Delay(Effect):
     [0.0, 0.0, 0.0, 0.75, 3.25]
     """
 
-    delay_s: float = parameter(1e-4, "s", 0.0, 0.02, (1e-5, 5e-4), "transport delay T", neutral=0.0)
+    delay_s: float = parameter(1e-4, "s", 0.0, 1.0, (1e-5, 5e-4), "transport delay T", neutral=0.0)
 
     name = "delay"
     slot = "output"
@@ -146,7 +146,7 @@ class DelayInSamples(Effect, of=Delay):
     [0.0, 0.0, 1.0, 4.0]
     """
 
-    samples: float = parameter(1.0, "1", 0.0, 10.0, (0.5, 2.0), "delay in samples, n", neutral=0.0)
+    samples: float = parameter(1.0, "1", 0.0, 1e3, (0.5, 2.0), "delay in samples, n", neutral=0.0)
 
     form = "whole samples"
     equation = "y(t) = y_m(t - n Ts), Ts of that record"

@@ -22,7 +22,7 @@ class Resonance(Effect):
     (1.97, 101)
     """
 
-    f0_hz: float = parameter(1000.0, "Hz", 10.0, 2e5, (300.0, 1e4), "undamped natural frequency")
+    f0_hz: float = parameter(1000.0, "Hz", 0.1, 2e5, (300.0, 1e4), "undamped natural frequency")
     damping: float = parameter(
         0.02, "1", 1e-4, 0.7, (0.005, 0.1), "damping ratio ζ; from 0.71 it is a lag"
     )
@@ -147,7 +147,7 @@ class TwoModes(Extension, of=Resonance):
     f0_hz: float = 1000.0
     damping: float = 0.02
     second_hz: float = parameter(
-        3000.0, "Hz", 10.0, 2e5, (1e3, 2e4), "undamped natural frequency of the second, f2"
+        3000.0, "Hz", 0.1, 2e5, (1e3, 2e4), "undamped natural frequency of the second, f2"
     )
     second_damping: float = parameter(0.02, "1", 1e-4, 0.7, (0.005, 0.1), "its damping ratio ζ2")
     second_share: float = parameter(
