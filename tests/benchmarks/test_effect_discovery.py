@@ -348,6 +348,9 @@ def test_findings_are_set_beside_what_was_done_to_the_data():
     assert (judge(found)["noticed"], judge(found)["findings"]) == (True, "clock+frozen")
     found["truth"]["degraded"] = "spikes"
     assert judge(found)["noticed"] is False
+    found["truth"]["degraded"] = "missing rows"
+    assert judge(found | {"remarked": 0})["noticed"] is False
+    assert judge(found | {"remarked": 2})["noticed"] is True
 
 
 def test_independent_targets_are_counted_over_their_studies():
@@ -374,11 +377,19 @@ def test_foreign_targets_count_exact_and_by_class():
     names = (["delay"], ["sensor_lag"], ["creep"])
     rows = [row(["delay"], each, alike=CLASS) for each in names] + [row([], [], study="none")]
     found = {(t.study, t.asks): t for t in foreign_targets(rows)}
-    first = found["single", "the right effect ranked first"]
-    assert (first.reached, first.cases, first.by_class, first.is_met) == (2, 3, 1, False)
-    wrong = found["all", "an effect added that is not there"]
+    named = found["single", "the effect named"]
+    assert (named.reached, named.cases, named.by_class, named.is_met) == (2, 3, 1, False)
+    wrong = found["all", "a wrong name that is found or likely"]
     assert (wrong.reached, wrong.cases, wrong.is_met) == (1, 4, False)
     assert found["none", "nothing named"].is_met
+
+
+def test_a_wrong_name_that_is_likely_is_none_that_is_found():
+    rows = [row(["delay"], ["delay", "creep"]), row(["delay"], ["delay"])]
+    rows[0]["steps"][1]["grade"] = "likely"
+    found = {(t.study, t.asks): t.reached for t in foreign_targets(rows)}
+    assert found["all", "a wrong name that is found"] == 0
+    assert found["all", "a wrong name that is found or likely"] == 1
 
 
 def test_agreement_is_with_the_same_draw():
