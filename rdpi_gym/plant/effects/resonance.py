@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -9,6 +10,9 @@ from typing import ClassVar, Self
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Picture, parameter, rows
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
+
+_PERIODS = 10.0
+"""Periods that a record has to hold for a mode to be told from a drift."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +76,14 @@ class Resonance(Effect):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """From half the slowest to the fastest mode that the sampling shows.
+        """From the fastest mode that the sampling shows to the slowest that the longest record does.
 
         As close as a damping ratio of 0.05 makes a fit converge: a mode that rings for fifteen
         periods is not found from 10 % beside it.
         """
-        fastest = 0.25 / scale.shortest_s
-        return tuple(cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(9))
+        fastest, slowest = 0.25 / scale.shortest_s, _PERIODS / scale.longest_s
+        count = max(math.ceil(math.log(fastest / slowest, 1.5)), 1)
+        return tuple(cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(count))
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
