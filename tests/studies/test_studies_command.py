@@ -50,6 +50,7 @@ NUMBERS = {
     "one_law": ["--plants"],
     "portraits": ["--plants"],
     "rank_order": ["--draws"],
+    "search_constants": ["--plants"],
     "speed": ["--rounds"],
     "student_seeds": ["--seeds", "--plants"],
     "training_race": ["--seeds", "--plants"],
