@@ -25,12 +25,12 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from benchmarks.effect_discovery.cases import Case, Source
+from benchmarks.effect_discovery.cases import Case, Source, run_case
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.effect_discovery.report import judge
 from benchmarks.rows import ROWS_FILE, run_rows, stored_rows
-from rdpi_gym.diagnosis.beam import Diagnosis, diagnose
+from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.suitability import falls
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.scale import data_scale
@@ -42,12 +42,10 @@ from rdpi_gym.plant.effects.creep import Creep
 from rdpi_gym.plant.effects.sensor_lag import SensorLag
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command import Options
-from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row, named_rows
-from rdpi_gym.virtual_lab.draws import MaskedError
 from studies.measured_effects import SETS, WAYS, fit_by_hand, peak_to_peak, splits
 from studies.runner import Files, Study, names_of
 
@@ -91,45 +89,10 @@ def units(plants: int, seed: int) -> list[Unit]:
 
 
 def run_unit(unit: Unit, code: str) -> Row:
-    """Diagnose one plant; one that cannot be seen, or a failure, is a row too."""
-    case, source = unit.case, SHARES[unit.stratum][0]
-    row: Row = {
-        "key": unit.key, "engine": BEAM, "stratum": unit.stratum, "study": case.study,
-        "subject": list(case.subject), "number": case.number, "seed": case.seed, "code": code,
-    }  # fmt: skip
-    try:
-        prepared = source.prepare(case)
-    except (MaskedError, InputError) as error:
-        return row | {"status": "masked", "error": str(error)}
-    row |= {"truth": prepared.truth, "noise_um": prepared.truth["noise_um"]}
-    began = time.process_time()
-    try:
-        result = diagnose(prepared.dataset)
-    except Exception as error:  # one failure must not end the study, and it counts
-        return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
-    return row | {"status": "done", "seconds": time.process_time() - began} | said_of(result)
-
-
-def said_of(found: Diagnosis) -> dict[str, Any]:
-    """Return what a row says of a diagnosis, in the fields that the studies judge."""
-    graded = [
-        {"effect": n.name, "form": n.form, "grade": n.grade, "probability": n.probability}
-        for n in found.names
-    ]
-    named = [each for each in graded if each["grade"] in ("found", "likely")]
-    return {
-        "ranking": [{"effect": each["effect"]} for each in named or graded[:1]],
-        "steps": named,
-        "graded": graded[:8],
-        "something_else": found.something_else,
-        "validation_um": found.rmse_um,
-        "floor_um": found.floor_um,
-        "base_um": found.base_um,
-        "sets": len(found.sets),
-        "core": found.core[0],
-        "findings": [{"kind": finding.kind} for finding in found.findings],
-        "verdict": "",
-    }
+    """Search the records of one plant, timed in processor time."""
+    source = replace(SHARES[unit.stratum][0], clock=time.process_time)
+    row = run_case(unit.case, source)
+    return row | {"key": unit.key, "engine": BEAM, "stratum": unit.stratum, "code": code}
 
 
 _ROOMS = ("plant", "measurement", "identification", "diagnosis")
@@ -216,14 +179,15 @@ def run_trial(trial: Trial, code: str) -> Row:
     dataset = trial.dataset()
     began = _processor_s()
     try:
-        result = diagnose(dataset)
+        result = discover(dataset)
     except Exception as error:  # one failure must not end the study, and it counts
         return row | {"status": "failed", "error": f"{type(error).__name__}: {error}"}
-    said, variant = said_of(result), Variant(result.model.core, result.model.effects)
-    row |= {"status": "done", "seconds": _processor_s() - began, "core": said["core"]}
-    named = [f"{s['effect']} {s.get('grade', '')}".strip() for s in said["steps"]]
-    row |= {"named": named, "something_else": said.get("something_else")}
-    row |= {"floor_um": said["floor_um"], "base_um": said["base_um"]}
+    variant = Variant(result.plant.hysteresis, result.plant.effects)
+    row |= {"status": "done", "seconds": _processor_s() - began, "core": result.core.kind}
+    row["named"] = [f"{each.effect} {result.grade(each)}" for each in result.named]
+    assert result.probabilities is not None
+    row |= {"something_else": result.probabilities.other, "floor_um": result.noise_floor_um}
+    row |= {"base_um": result.base.validation_rmse_um}
     row["error_um"] = _error_um(variant, dataset.validation)
     row["explained"] = [round(_explained(variant, record), 3) for record in dataset.test]
     if trial.part == "measured":

@@ -51,7 +51,3 @@ Limits
   counts where no other one spoils the fit (a hum beside a backlash, seed 31: 10.4 floors with it, 1.0
   without, the same name found); a search that left openings out is not resumed from a file.
 """
-
-from rdpi_gym.diagnosis.beam.grades import Diagnosis, Name, SetScore, diagnose
-
-__all__ = ["Diagnosis", "Name", "SetScore", "diagnose"]

@@ -163,9 +163,7 @@ def expanded(
     return [*found, *_whole(evidence, known, [(model, of.key) for model in models], pool)]
 
 
-def dropped(
-    evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool
-) -> list[Visited]:
+def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool) -> list[Visited]:
     """Return the sets that have no more effects: with one less, simpler, or under another name.
 
     Those under another name only where they are not `known`.

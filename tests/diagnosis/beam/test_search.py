@@ -6,12 +6,12 @@ import pytest
 from rdpi_gym.diagnosis.beam.constants import LEVEL, LOOKED
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer
 from rdpi_gym.diagnosis.beam.expansion import offered
-from rdpi_gym.diagnosis.beam.grades import diagnose, takes_less
+from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, raced
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
-from rdpi_gym.diagnosis.beam.search import Beam, Scores, begun
+from rdpi_gym.diagnosis.beam.search import Beam, Scores, begun, searched
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI, Plant
@@ -41,22 +41,30 @@ def crept():
     return Dataset("creep is hidden", tuple(_records(replace(P10, effects=(creep,)))))
 
 
+def _searched(dataset):
+    """Return the scores of all sets, the best one, and the grades of names."""
+    beam, scores, best = searched(Evidence.of(dataset))
+    return scores, best, {each.name: each for each in names_of(beam, scores, best)}
+
+
 def test_nothing_is_named_where_nothing_is_hidden():
-    found = diagnose(Dataset("nothing is hidden", tuple(_records(P10))))
-    assert found.graded("found", "likely", "stand-in") == ()
-    assert found.rmse_um == pytest.approx(0.01, rel=0.1)
+    _, best, names = _searched(Dataset("nothing is hidden", tuple(_records(P10))))
+    assert not any(each.grade for each in names.values())
+    assert best.rmse_um == pytest.approx(0.01, rel=0.1)
 
 
 @pytest.mark.slow
 def test_creep_is_named_and_its_probability_is_the_weight_of_its_sets(crept):
-    found = diagnose(crept)
-    assert found.graded("found", "likely") == ("creep",)
-    assert found.core[0] == "rdpi"
-    assert found.rmse_um < 0.1 * found.base_um
-    weights = sum(s.weight for s in found.sets if any(k.startswith("creep") for k in s.key))
-    assert found.names[0].probability == pytest.approx(weights)
-    assert sum(s.weight for s in found.sets) == pytest.approx(1.0)
-    assert {len(s.scores) for s in found.sets} == {len(found.sets[0].scores)}
+    scores, best, names = _searched(crept)
+    assert [n for n, each in names.items() if each.grade in ("found", "likely")] == ["creep"]
+    base = next(one for one in scores.sets if one.parent is None)
+    assert best.model.core.name == "rdpi"
+    assert best.rmse_um < 0.1 * base.rmse_um
+    weights = scores.weights.mean(axis=0)
+    having = ["creep" in one.model.names for one in scores.sets]
+    assert names["creep"].probability == pytest.approx(weights[having].sum())
+    assert weights.sum() == pytest.approx(1.0)
+    assert len({len(scores.of(one)) for one in scores.sets}) == 1
 
 
 def test_a_phantom_of_creep_gains_next_to_nothing_of_what_creep_does(crept):
@@ -213,4 +221,4 @@ def test_a_data_set_without_records_that_move_is_refused():
     t = np.arange(200) * TS_S
     rest = Record("rest", t, np.zeros(200), np.zeros(200), ts_s=TS_S)
     with pytest.raises(InputError, match="needs records to fit and to validate on"):
-        diagnose(Dataset("rest", (rest,)))
+        Evidence.of(Dataset("rest", (rest,)))
