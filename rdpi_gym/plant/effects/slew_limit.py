@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -11,6 +12,9 @@ from numba import njit
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter, rows
 from rdpi_gym.support.arrays import Array
+
+_PHASES = 4
+"""Limit, lag, other limit within one ramp, and a rounding at a border."""
 
 
 @njit(inline="always")
@@ -171,3 +175,99 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest steps of one sample up and down (V)."""
         return [self.up_V_s * ts_s, self.down_V_s * ts_s]
+
+
+@njit(cache=True)
+def charging_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel, exact for an input linear between samples.
+
+    Rows of ``p``: largest steps of one sample up and down (V), time constant (samples). Rows of the
+    state: last input, last output (V).
+    """
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            if np.isnan(state[0, b]):
+                state[0, b] = state[1, b] = x[t, b]
+            up, down, lag = p[0, b], p[1, b], p[2, b]
+            slope, ahead, left = x[t, b] - state[0, b], state[0, b] - state[1, b], 1.0
+            high, low, rest = up * lag, -down * lag, slope * lag
+            for _ in range(_PHASES):
+                taken = left
+                if ahead > high or (ahead == high and slope > up):
+                    if slope < up:
+                        taken = min(left, (ahead - high) / (up - slope))
+                    ahead = high if taken < left else ahead + (slope - up) * taken
+                elif ahead < low or (ahead == low and slope < -down):
+                    if slope > -down:
+                        taken = min(left, (low - ahead) / (slope + down))
+                    ahead = low if taken < left else ahead + (slope + down) * taken
+                else:
+                    bound = high if rest > ahead else low
+                    if rest > high or rest < low:
+                        taken = min(left, lag * math.log((rest - ahead) / (rest - bound)))
+                    kept = math.exp(-taken / lag)
+                    ahead = bound if taken < left else rest + (ahead - rest) * kept
+                left -= taken
+                if left <= 0.0:
+                    break
+            state[0, b] = x[t, b]
+            state[1, b] = y[t, b] = x[t, b] - ahead
+
+
+@dataclass(frozen=True)
+class Charging(Effect, of=SlewLimit):
+    """Amplifier whose limited current charges the stack through its output resistance.
+
+    Examples
+    --------
+    >>> amplifier = Charging(up_V_s=1000.0, down_V_s=1000.0, time_constant_s=1e-3)
+    >>> amplifier.run([0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 4.0], 1e-3).round(2).tolist()
+    [0.0, 0.0, 0.86, 1.86, 2.86, 3.58, 3.84]
+    """
+
+    up_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u")
+    down_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d")
+    time_constant_s: float = parameter(
+        1e-4, "s", 1e-9, 10.0, (1e-5, 1e-3), "time constant of small signals, τ = R C"
+    )
+
+    form = "through a resistance"
+    equation = "du'/dt = (u - u') / τ, within -R_d and R_u"
+    source = (
+        "A source of limited current behind a resistance R into C: PiezoDrive, PD200 manual, small "
+        "signal bandwidth of a load and its power bandwidth. Time constants are an estimate."
+    )
+    signature = (
+        "A lag of small signals, triangles of large ones; after a step the limit is left "
+        "gradually, with that lag."
+    )
+    block = staticmethod(charging_block)
+    state_rows = rows(2)  # last input and last output
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Limits below the fastest rate, with a lag of a sample."""
+        return tuple(
+            cls.within_bounds(
+                up_V_s=share * scale.fastest_V_s, down_V_s=share * scale.fastest_V_s,
+                time_constant_s=scale.shortest_s,
+            )
+            for share in (0.9, 0.5, 0.25)
+        )  # fmt: skip
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted limits, and larger ones as they begin with a lag; one of a sample and a longer one."""
+        rates = list(simpler.values.values())
+        return tuple(
+            cls.within_bounds(
+                up_V_s=more * rates[0], down_V_s=more * rates[-1],
+                time_constant_s=samples * scale.shortest_s,
+            )
+            for more in (1.0, 1.3)
+            for samples in (1.0, 4.0)
+        )  # fmt: skip
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Largest steps of one sample up and down (V), time constant (samples)."""
+        return [self.up_V_s * ts_s, self.down_V_s * ts_s, self.time_constant_s / ts_s]

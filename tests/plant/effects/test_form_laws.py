@@ -160,6 +160,24 @@ def test_unlike_slew_limits_turn_round_where_output_and_command_meet():
     assert 2.9 < np.diff(y).max() <= 3.0 + 1e-9
 
 
+def test_a_current_limit_behind_a_resistance_is_the_clipped_lag_finely_integrated():
+    x, fine = rough(60), 512
+    ramps = np.interp(np.arange(59 * fine + 1) / fine, np.arange(60), x)
+    up, down, lag, value = 3.0, 5.0, 0.7, x[0]  # V, V, samples
+    naive = [value]
+    for k in range(1, len(ramps)):
+        now = 0.5 * (ramps[k - 1] + ramps[k])
+        half = value + 0.5 * np.clip((ramps[k - 1] - value) / lag, -down, up) / fine
+        value += np.clip((now - half) / lag, -down, up) / fine
+        naive.append(value)
+    y = form("slew_limit", "through a resistance")(up / TS, down / TS, lag * TS).run(x, TS)
+    np.testing.assert_allclose(y, naive[::fine], atol=1e-4)
+    assert 2.9 < np.diff(y).max() <= 3.0 + 1e-9
+    wide = form("slew_limit", "through a resistance")(1e9, 1e9, lag * TS).run(x, TS)
+    lagged = CATALOGUE["actuator_lag"](time_constant_s=lag * TS).run(x, TS)
+    np.testing.assert_allclose(wide, lagged, rtol=1e-9, atol=1e-9)
+
+
 def test_unlike_branches_are_told_by_a_stop_of_the_command():
     """Beyond twice the reach after a turn each branch has its own parabola."""
     u = np.concatenate([np.linspace(0.0, 40.0, 81), np.linspace(40.0, -40.0, 161)])
