@@ -51,6 +51,7 @@ from rdpi_gym.identification.joint import (
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
+from rdpi_gym.plant.effects.linear import FirstOrderLag
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
 from rdpi_gym.support.arrays import Array
 
@@ -327,24 +328,35 @@ class Place:
 def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:
     """Return the models with the stage of one effect at the place that another name stands for.
 
-    In the form with the same numbers, which mean the same stage there, and in the further ones. No
-    first look leads to it: what acts before the plays changes the derivatives by their weights, which
-    looks take from the set as it is.
+    No first look leads to it: what acts before the plays changes the derivatives by their weights,
+    which looks take from the set as it is.
     """
     found = []
     for effect in (e for e in model.effects if not offer.is_kept(e.name)):
         others = [e for e in model.effects if e is not effect]
         for kind in (kind for name, kind in offer.effects.items() if name not in model.names):
-            forms = forms_of(kind)
-            alike = [
-                k for k, f in enumerate(forms) if [p.name for p in f.parameters] == [*effect.values]
-            ]
-            for k in alike[:1]:
-                twin = forms[k].within_bounds(**effect.values)
-                further = [form.from_simpler(twin, scale)[:1] for form in forms[k + 1 :]]
-                placed = [twin, *(each for starts in further for each in starts)]
-                found += [replace(model, effects=in_chain_order([*others, e])) for e in placed]
+            twins = _twins(effect, kind, scale)
+            found += [replace(model, effects=in_chain_order([*others, each])) for each in twins]
     return found
+
+
+def _twins(effect: Effect, kind: type[Effect], scale: DataScale) -> list[Effect]:
+    """Return the forms of another name that are the same stage elsewhere in the chain.
+
+    The form with the same numbers, or before the plays the lag that slow signals have, and the further
+    ones.
+    """
+    forms, lag_s = forms_of(kind), effect.slow_lag_s
+    numbers = [[p.name for p in form.parameters] for form in forms]
+    if [*effect.values] in numbers:
+        k = numbers.index([*effect.values])
+        twin = forms[k].within_bounds(**effect.values)
+    elif lag_s is not None and issubclass(kind, FirstOrderLag) and kind.slot == "input":
+        k, twin = 0, kind.within_bounds(time_constant_s=lag_s)
+    else:
+        return []
+    further = [form.from_simpler(twin, scale)[:1] for form in forms[k + 1 :]]
+    return [twin, *(each for starts in further for each in starts)]
 
 
 def kinds(

@@ -364,6 +364,11 @@ class Effect(ABC):
         """
         return cls.starts(scale)
 
+    @property
+    def slow_lag_s(self) -> float | None:
+        """Lag behind a slow ramp of a linear stage with a gain of one (s); None of other stages."""
+        return None
+
     @classmethod
     def full_name(cls) -> str:
         """Return the name, and the form where it is not the simplest.

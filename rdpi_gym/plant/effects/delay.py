@@ -126,6 +126,11 @@ class Delay(Effect):
         sizes = dict.fromkeys((small, scale.shortest_s, 4.0 * scale.shortest_s))
         return tuple(cls.within_bounds(delay_s=size) for size in sizes)
 
+    @property
+    def slow_lag_s(self) -> float:
+        """The delay."""
+        return self.delay_s
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Whole samples and the rest."""
         whole, part = divmod(self.delay_s / ts_s, 1.0)

@@ -155,6 +155,11 @@ class FirstOrderLag(Effect):
     block = staticmethod(linear_block)
     state_rows = rows(2)  # last input and output
 
+    @property
+    def slow_lag_s(self) -> float:
+        """The time constant."""
+        return self.time_constant_s
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """As :func:`linear_block` reads them."""
         return pack_lag(self.time_constant_s, ts_s)
@@ -175,6 +180,11 @@ class SecondOrderLag(Effect):
     signature = "As a lag, and beyond both cut-offs the phase goes to 180 degrees: steps begin with no slope."
     block = staticmethod(linear_block)
     state_rows = rows(3)  # last input and what leaves each lag
+
+    @property
+    def slow_lag_s(self) -> float:
+        """Both time constants."""
+        return self.time_constant_s * (1.0 + self.second_ratio)
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -215,6 +225,11 @@ class ThirdOrderLag(Effect):
     )
     block = staticmethod(linear_block)
     state_rows = rows(4)  # last input and three states
+
+    @property
+    def slow_lag_s(self) -> float:
+        """The first of its numbers."""
+        return self.time_constant_s
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:

@@ -15,6 +15,11 @@ _PERIODS = 10.0
 """Periods that a record has to hold for a mode to be told from a drift."""
 
 
+def _lag_s(f0_hz: float, damping: float) -> float:
+    """Lag of a mode behind a slow ramp (s)."""
+    return damping / (math.pi * f0_hz)
+
+
 @dataclass(frozen=True)
 class Resonance(Effect):
     """One mode with a static gain of one.
@@ -85,6 +90,11 @@ class Resonance(Effect):
         count = max(math.ceil(math.log(fastest / slowest, 1.5)), 1)
         return tuple(cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(count))
 
+    @property
+    def slow_lag_s(self) -> float:
+        """Twice the damping over the angular frequency."""
+        return _lag_s(self.f0_hz, self.damping)
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Displacement and velocity over ω0, so that both states are micrometres."""
         return pack_modes([(1.0, self.f0_hz, self.damping)], 0.0, ts_s)
@@ -131,6 +141,11 @@ class ResonanceWithZero(Extension, of=Resonance):
         return tuple(
             cls.within_bounds(**simpler.values, static_share=share) for share in (0.02, 1.5)
         )
+
+    @property
+    def slow_lag_s(self) -> float:
+        """That of the share with the mode."""
+        return (1.0 - self.static_share) * _lag_s(self.f0_hz, self.damping)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """One mode and a feedthrough."""
@@ -188,6 +203,13 @@ class TwoModes(Extension, of=Resonance):
             )
             for ratio in (2.5, 0.5)
         )  # fmt: skip
+
+    @property
+    def slow_lag_s(self) -> float:
+        """That of each mode by its share."""
+        share = self.second_share
+        first_s = _lag_s(self.f0_hz, self.damping)
+        return (1.0 - share) * first_s + share * _lag_s(self.second_hz, self.second_damping)
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Two modes, each with its share."""

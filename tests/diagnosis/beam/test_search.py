@@ -17,6 +17,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import P10, RDPI, Plant
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.support.errors import InputError
+from tests.looping import over
 
 TS_S = 2e-3
 
@@ -215,6 +216,16 @@ def test_the_stage_of_a_lag_is_tried_before_the_plays_with_its_numbers(crept):
     ]
     assert (first.name, first.values) == ("actuator_lag", lag.values)
     assert {type(e) for e in further} == set(CATALOGUE["actuator_lag"].forms)
+
+
+@over("name", ["resonance", "delay"])
+def test_the_lag_of_a_linear_stage_is_tried_before_the_plays(crept, name):
+    stage, scale = CATALOGUE[name](), Evidence.of(crept).scale
+    ramp = np.arange(4000) * 1e-5
+    assert ramp[-1] - stage.run(ramp, 1e-5)[-1] == pytest.approx(stage.slow_lag_s, rel=0.05)
+    placed = [m.effects[0] for m in exchanged(Model(P10.hysteresis, (stage,)), scale, Offer())]
+    assert {type(each) for each in placed} == set(forms_of(CATALOGUE["actuator_lag"]))
+    assert placed[0].slow_lag_s == pytest.approx(stage.slow_lag_s)
 
 
 def test_a_data_set_without_records_that_move_is_refused():
