@@ -223,8 +223,12 @@ class Place:
             if form.fits_in(core)
             for start in form.seen_in(t_s, lefts[longest])
         ]
+        # these stand for their forms: from elsewhere a step promises as much, of angles for instance,
+        # and leads nowhere
+        signed = self.signed(shown)
+        names |= {each.start.name for each in signed}
         own = [each for each in self.offered if each.start.name not in names]
-        return self._promised([*self.signed(shown), *own])
+        return self._promised([*signed, *own])
 
     def additions(self) -> list[Starts]:
         """Starts of the effects that promise most, of every form: a step says little of a curved one."""
