@@ -38,7 +38,7 @@ def made() -> dict[str, Visited]:
         model = Model(P5.hysteresis, (CATALOGUE[name](),))
         variant = Variant(model.core, model.effects)
         fit = JointFit(variant, len(name) / 7, (), {"δ2": math.pi}, 3, True)
-        found[name] = Visited(model, fit, lefts, ("rdpi",), tried=len(name))
+        found[name] = Visited(model, fit, lefts, ("rdpi",))
     return found
 
 
@@ -55,5 +55,5 @@ def read_stages(path: Path, of: Evidence) -> dict[str, object]:
         except LookupError:
             continue
         lefts = [left.tolist() for left in one.lefts]
-        found[name] = (one.model, one.fit, lefts, one.parent, one.tried)
+        found[name] = (one.model, one.fit, lefts, one.parent)
     return found

@@ -11,9 +11,11 @@
    to judge by: each stretch is predicted from the others. The opening of a record of which nobody
    recorded the past does not count where it spoils the fit of the rest by more than its phantom, as
    many samples at the end, and no initial memory takes most of that (``openings``).
-3. A move is better where its paired gain over the blocks exceeds, in the bootstrap and after as many
-   moves as were tried, what its phantoms gain: the same effect or clock fault driven by the command in
-   reverse or of another record, less what its own columns explain (``decision``, ``models``).
+3. A move is better where its set outweighs the one that it is of, in the mean over the bootstrap: by
+   the gain over the blocks, the prior, and less what its phantoms gain, the same effect or clock fault
+   driven by the command in reverse or of another record, less what its own columns explain
+   (``decision``, ``models``). A chance would ask for a gain in many blocks: what shows in one is not drawn
+   in a third of the draws, however large it is. First looks, of which no prior speaks, race by chance.
 4. The best few sets go on in parallel, each by every move: those that have a weight, and those that are
    behind the best one by no more than it leaves. Which start of a form promises most beside a set is
    linear algebra on columns that were simulated once (``signatures``). What promises most is followed

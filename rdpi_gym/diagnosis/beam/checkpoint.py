@@ -129,7 +129,7 @@ class Checkpoint:
             raise InputError(f"{source}: what it leaves is of other records")
         parent = None if row["parent"] is None else tuple(row["parent"])
         model = Model(variant.hysteresis, variant.effects, clocks)
-        one = Visited(model, fit, tuple(lefts), parent, tried=int(row["tried"]))
+        one = Visited(model, fit, tuple(lefts), parent)
         return (
             one
             if not row["new"]
@@ -160,7 +160,6 @@ def _row(one: Visited) -> dict[str, Any]:
         "passes": fit.passes,
         "converged": fit.converged,
         "parent": one.parent,
-        "tried": one.tried,
         "new": one.new,
         "lefts": [
             base64.b64encode(left.astype(np.float64).tobytes()).decode() for left in one.lefts

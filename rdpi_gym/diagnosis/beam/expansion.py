@@ -91,15 +91,15 @@ def _looked(places: Sequence[Place], case: tuple[int, Starts]) -> Look | None:
 
 
 def _refitted(
-    evidence: Evidence, linear: Sequence[Linear], case: tuple[int, Visited, Look, int]
+    evidence: Evidence, linear: Sequence[Linear], case: tuple[int, Visited, Look]
 ) -> Visited | None:
-    which, of, look, tried = case
+    which, of, look = case
     one = refitted(evidence, look.model, of.key)
     if one is None or not look.new:
         return one
     make = partial(linear[which].with_phantoms, one.model, look.new)
     ghosts = or_none(make, one.model.effects)
-    return None if ghosts is None else replace(one, ghosts=ghosts, new=look.new, tried=tried)
+    return None if ghosts is None else replace(one, ghosts=ghosts, new=look.new)
 
 
 def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Visited]:
@@ -114,7 +114,7 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
     looks = dict(zip(cases, pool.map(partial(_looked, places), cases), strict=True))
     parents = list(dict.fromkeys(each.of.key for each in asked))
     linear = [_linear(evidence, next(a.of for a in asked if a.of.key == key)) for key in parents]
-    kept: list[tuple[int, Visited, Look, int]] = []
+    kept: list[tuple[int, Visited, Look]] = []
     for each in asked:
         seen = [looks[places.index(each.place), starts] for starts in each.starts]
         found = [*(look for look in seen if look is not None), *each.clocks]
@@ -127,7 +127,7 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
             if () in each.starts
             else raced(base, found, near, each.most)
         )
-        kept += [(parents.index(each.of.key), each.of, look, len(found)) for look in chosen]
+        kept += [(parents.index(each.of.key), each.of, look) for look in chosen]
     kept.sort(key=lambda case: -len(case[2].model.effects))
     sets = pool.map(partial(_refitted, evidence, linear), kept)
     return [each for each in sets if each is not None]
@@ -179,7 +179,7 @@ def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool)
 def further(evidence: Evidence, of: Visited) -> list[Visited]:
     """Return a set refitted again from where its passes ended."""
     one = refitted(evidence, of.model, of.parent)
-    return [] if one is None else [replace(one, ghosts=of.ghosts, new=of.new, tried=of.tried)]
+    return [] if one is None else [replace(one, ghosts=of.ghosts, new=of.new)]
 
 
 def _whole(
@@ -211,5 +211,4 @@ def of_other_kinds(
     here = evidence.mended(of.model.clocks)
     models, refused = kinds(here, of.model, of.fit.train_rmse_um, loose)
     sets = [refitted(evidence, model, of.key) for model in models]
-    found = [one for one in sets if one is not None]
-    return [replace(each, tried=len(found)) for each in found], refused
+    return [one for one in sets if one is not None], refused

@@ -97,7 +97,6 @@ class Visited:
     # The same of the parent, linearised, alone and with each phantom of the move
     ghosts: tuple[tuple[Array, ...], ...] = ()
     new: tuple[str, ...] = ()  # Names that the move brought
-    tried: int = 0  # Moves of the parent that were looked at with it
     seconds: float = 0.0  # Processor time of its refit
 
     @property

@@ -13,11 +13,10 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import (
     BEAM,
     LEAST_WEIGHT,
-    LEVEL,
     ROUNDS,
     TEMPERATURE,
 )
-from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks, drawn_weights, log_prior
+from rdpi_gym.diagnosis.beam.decision import draw_blocks, drawn_weights, log_prior
 from rdpi_gym.diagnosis.beam.evidence import Evidence
 from rdpi_gym.diagnosis.beam.expansion import (
     Key,
@@ -162,19 +161,17 @@ class Beam:
         self.accept(found, self.scored())
 
     def accept(self, found: Sequence[Visited], scores: Scores) -> None:
-        """Accept the sets that are better than their parents, and all with less than an accepted one."""
-        more = [one for one in found if len(one.model.names) >= len(self._parent(one).model.names)]
-        for one, chance in zip(more, scores.chances_of(more), strict=True):
-            if chance < LEVEL:
-                self.accepted.add(one.key)
+        """Accept the sets that outweigh their parents, and all with less than an accepted one."""
+        moves = [one for one in found if one.parent is not None]
+        of = [self.visited[one.parent] for one in moves if one.parent is not None]
+        self.accepted.update(
+            one.key for one, p in zip(moves, of, strict=True) if scores.outweighs(one, p)
+        )
         accepted = [one for one in scores.sets if one.key in self.accepted]
         scale = self.evidence.scale
         models = [one.model for one in accepted]
         fewer = (each.key for m in models for each in (*m.without_one(), *m.simplified(scale)))
         self.accepted.update(key for key in fewer if key in self.visited)
-
-    def _parent(self, one: Visited) -> Visited:
-        return self.visited[one.parent] if one.parent is not None else one
 
 
 def _open_um(variant: Variant[Core], record: Record) -> float:
@@ -242,17 +239,16 @@ class Scores:
         mean = float(np.log(np.maximum(ratio, 1e-12)).mean())
         return max(mean, 0.0) * ratio.size / TEMPERATURE
 
-    def chances_of(self, moves: Sequence[Visited]) -> list[float]:
-        """Return for each move the chance that it is no better than its parent and its phantoms."""
-        found = {}
-        for parent in {one.parent for one in moves if one.parent is not None}:
-            own = [one for one in moves if one.parent == parent]
-            here = self.of(self._by_key[parent])
-            gains = np.array([here - self.of(one) for one in own])
-            chance = chances(gains, np.array([self._bar(one) for one in own]), self.draws)
-            for one, each in zip(own, chance, strict=True):
-                found[one.key] = min(float(each) * max(one.tried / len(own), 1.0), 1.0)
-        return [found.get(one.key, 1.0) for one in moves]
+    def outweighs(self, move: Visited, of: Visited) -> bool:
+        """Whether a move weighs more than the set that it is of, less what its best phantom gains.
+
+        By weights and not by chance: what shows in few blocks is not drawn in a third of the draws,
+        however much it gains there.
+        """
+        both = np.array([self.of(of), self.of(move) + self._bar(move)])
+        priors = [prior_of(one.model, self.offered) for one in (of, move)]
+        here, there = drawn_weights(both, priors, self.draws).mean(axis=0)
+        return bool(there > here)
 
     def _bar(self, one: Visited) -> float:
         """Return what the best phantom of a move gains (nats a block)."""

@@ -289,8 +289,7 @@ def _refitted_with(
     if one is None:
         return None
     linear = Linear(evidence, Variant(base.model.core, base.model.effects))
-    ghosts, tried = linear.with_phantoms(one.model, [name]), len(evidence.offer.effects)
-    return replace(one, ghosts=ghosts, new=(name,), tried=tried)
+    return replace(one, ghosts=linear.with_phantoms(one.model, [name]), new=(name,))
 
 
 def _failed(evidence: Evidence, base: Visited, kind: type[Effect]) -> Candidate:

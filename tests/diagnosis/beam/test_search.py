@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rdpi_gym.diagnosis.beam.constants import LEVEL, LOOKED
+from rdpi_gym.diagnosis.beam.constants import LOOKED
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
@@ -179,12 +179,21 @@ def test_a_name_that_takes_less_than_its_set_leaves_is_no_cause(left_um, grade):
     assert takes_less(_scores(bare, best), best, "creep") is grade
 
 
-@pytest.mark.parametrize(("more_um", "better"), [(4.0, True), (6.0, False)])
-def test_a_mean_gain_is_accepted_where_it_stands_out_of_the_change_from_block_to_block(
-    crept, more_um, better
+@pytest.mark.parametrize(
+    ("before_um", "after_um", "better"),
+    [
+        (np.full(16, 5.0), np.full(16, 3.0), True),
+        (np.full(16, 5.0), np.full(16, 4.8), False),  # less than one effect more costs
+        (np.full(16, 5.0), np.tile([4.0, 6.0], 8), False),
+        (np.array([1e4] + [5.0] * 15), np.full(16, 5.0), True),  # not drawn in a third of the draws
+        (np.array([10.0] + [5.0] * 15), np.full(16, 5.0), False),
+    ],
+)
+def test_a_set_is_accepted_where_it_outweighs_its_parent_in_however_few_blocks_it_gains(
+    crept, before_um, after_um, better
 ):
-    bare = _visited(BARE, 5.0)
-    move = _visited(Model(P10.hysteresis, (CREEP,)), np.tile([4.0, more_um], 8), parent=bare.key)
+    bare = _visited(BARE, before_um)
+    move = _visited(Model(P10.hysteresis, (CREEP,)), after_um, parent=bare.key)
     beam = Beam(Evidence.of(crept), visited={bare.key: bare})
     beam.add([move])
     beam.accept([move], _scores(bare, move))
@@ -198,7 +207,7 @@ def test_a_move_gains_what_its_best_phantom_does_not(phantom_um, better):
     move = _visited(
         Model(P10.hysteresis, (CREEP,)), gain, parent=bare.key, ghosts=ghosts, new=("creep",)
     )
-    assert (_scores(bare, move).chances_of([move])[0] < LEVEL) is better
+    assert _scores(bare, move).outweighs(move, bare) is better
 
 
 def test_sets_that_leave_the_same_weigh_by_their_priors():
