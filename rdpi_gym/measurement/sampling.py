@@ -156,7 +156,8 @@ def to_uniform(
     """Put a record on uniform times.
 
     Where every step is within 1 % of the mean step, or the times are those of an even clock that
-    were rounded, the samples stay as they are and the times become the uniform grid between the
+    were rounded, or off by less than half a step and the samples run straighter without that, the
+    samples stay as they are and the times become the uniform grid between the
     first and the last one; samples that such a clock lost, up to a fifth, are put back. Else the
     columns are interpolated linearly at the median step (``period`` keeps its last value).
     """
@@ -191,11 +192,35 @@ def _even(
         return Grid(even, ts_s, columns, counts, (said,), _beyond_rounding(t_s, decimal))
     jitter = float(np.max(np.abs(np.diff(t_s) - ts_s))) / ts_s
     # small deviations of one sign would add up to a clock that is wrong by whole samples
-    if jitter <= JITTER and np.max(np.abs(t_s - even)) <= ts_s / 2:
+    if np.max(np.abs(t_s - even)) > ts_s / 2:
+        return None
+    if jitter > JITTER and _bent(even, columns) < _bent(t_s, columns):
+        said = (
+            f"times are up to {100 * jitter:.3g} % off in a step, and the samples run straighter "
+            f"without that: taken as even, {ts_s:.6g} s apart"
+        )
+        return Grid(even, ts_s, columns, counts, (said,))
+    if jitter <= JITTER:
         said = f"time steps jitter by up to {100 * jitter:.2g} % of the mean step: taken as even"
         is_said = jitter > _WORTH_SAYING
         return Grid(even, ts_s, columns, counts, (said,) if is_said else (), off_even(t_s, ts_s))
     return None
+
+
+def _bent(t_s: Array, columns: Mapping[str, Array]) -> float:
+    """Mean square by which samples are off the straight line between their neighbours, over columns.
+
+    Of the square of a column's steps: a command or displacement that was taken at other times than
+    it is stamped with zigzags.
+    """
+    share = (t_s[1:-1] - t_s[:-2]) / (t_s[2:] - t_s[:-2])
+    found = 0.0
+    for name, x in columns.items():
+        steps = float(np.sum(np.diff(x) ** 2))
+        if name != "period" and steps > 0.0:
+            between = x[:-2] + share * (x[2:] - x[:-2])
+            found += float(np.sum((x[1:-1] - between) ** 2)) / steps
+    return found
 
 
 def with_lost(t_s: Array) -> tuple[Array, NDArray[np.intp]]:

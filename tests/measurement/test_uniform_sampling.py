@@ -42,6 +42,17 @@ def test_jitter_above_one_percent_is_resampled() -> None:
     np.testing.assert_allclose(np.diff(grid.t_s), 1e-3, rtol=1e-9)
 
 
+@pytest.mark.parametrize("as_stamped", [True, False])
+def test_samples_whose_stamps_alone_are_off_stay_as_they_are(as_stamped: bool) -> None:
+    even = 1e-3 * np.arange(1000)
+    t = even + 1e-4 * np.random.default_rng(0).uniform(-1.0, 1.0, even.size)
+    taken = t if as_stamped else even
+    u = np.abs(np.remainder(9.0 * taken, 2.0) - 1.0)
+    grid = to_uniform(t, {"u": u, "y": 0.1 * np.sin(30.0 * taken)}, "run.csv")
+    assert np.array_equal(grid.columns["u"], u) is not as_stamped
+    assert ("run straighter" in grid.remarks[0]) is not as_stamped
+
+
 def test_a_clock_that_drifts_by_samples_is_resampled() -> None:
     steps = np.r_[np.full(500, 1.0), np.full(501, 1.009)]
     grid = to_uniform(np.cumsum(steps), {"u": np.cumsum(steps)}, "run.csv")
