@@ -156,7 +156,7 @@ def to_uniform(
     """Put a record on uniform times.
 
     Where every step is within 1 % of the mean step, or the times are those of an even clock that
-    were rounded, or off by less than half a step and the samples run straighter without that, the
+    were rounded, or off by less than half a step and the samples run no straighter by that, the
     samples stay as they are and the times become the uniform grid between the
     first and the last one; samples that such a clock lost, up to a fifth, are put back. Else the
     columns are interpolated linearly at the median step (``period`` keeps its last value).
@@ -194,10 +194,10 @@ def _even(
     # small deviations of one sign would add up to a clock that is wrong by whole samples
     if np.max(np.abs(t_s - even)) > ts_s / 2:
         return None
-    if jitter > JITTER and _bent(even, columns) < _bent(t_s, columns):
+    if JITTER < jitter < _LOST - 1.0 and not _is_as_stamped(t_s, even, columns):
         said = (
-            f"times are up to {100 * jitter:.3g} % off in a step, and the samples run straighter "
-            f"without that: taken as even, {ts_s:.6g} s apart"
+            f"time steps differ by up to {100 * jitter:.3g} % from the mean step, and the samples run "
+            f"no straighter by that: taken as even, {ts_s:.6g} s apart"
         )
         return Grid(even, ts_s, columns, counts, (said,))
     if jitter <= JITTER:
@@ -207,20 +207,22 @@ def _even(
     return None
 
 
-def _bent(t_s: Array, columns: Mapping[str, Array]) -> float:
-    """Mean square by which samples are off the straight line between their neighbours, over columns.
+def _is_as_stamped(t_s: Array, even: Array, columns: Mapping[str, Array]) -> bool:
+    """Whether samples lie straighter between their neighbours by their stamps than by an even clock.
 
-    Of the square of a column's steps: a command or displacement that was taken at other times than
-    it is stamped with zigzags.
+    A command or displacement that was taken at other times than it is stamped with zigzags. Logarithms,
+    as jumps hide all other samples in a sum of squares; by two standard errors, as noise tells nothing.
     """
+    signals = [x for name, x in columns.items() if name != "period"]
+    gains = np.concatenate([_bent(even, x) - _bent(t_s, x) for x in signals])
+    return float(gains.sum()) > 2.0 * float(np.linalg.norm(gains))
+
+
+def _bent(t_s: Array, x: Array) -> Array:
+    """Logarithm of how far each sample is off the line between its neighbours, ``(N - 2,)``."""
     share = (t_s[1:-1] - t_s[:-2]) / (t_s[2:] - t_s[:-2])
-    found = 0.0
-    for name, x in columns.items():
-        steps = float(np.sum(np.diff(x) ** 2))
-        if name != "period" and steps > 0.0:
-            between = x[:-2] + share * (x[2:] - x[:-2])
-            found += float(np.sum((x[1:-1] - between) ** 2)) / steps
-    return found
+    off = np.abs(x[1:-1] - x[:-2] - share * (x[2:] - x[:-2]))
+    return np.asarray(np.log(off + 1e-9 * max(float(np.ptp(x)), 1e-300)))
 
 
 def with_lost(t_s: Array) -> tuple[Array, NDArray[np.intp]]:

@@ -32,7 +32,7 @@ def test_jitter_within_one_percent_is_taken_as_even(jitter) -> None:
 
 def test_jitter_above_one_percent_is_resampled() -> None:
     t = 1e-3 * np.arange(1000)
-    t[500] += 1.5e-5
+    t[500:900:2] += 1.5e-5
     grid = to_uniform(t, {"u": t**2}, "run.csv")
     assert grid.remarks == (
         "time steps differ by up to 1.5 % from the mean step: "
@@ -50,7 +50,7 @@ def test_samples_whose_stamps_alone_are_off_stay_as_they_are(as_stamped: bool) -
     u = np.abs(np.remainder(9.0 * taken, 2.0) - 1.0)
     grid = to_uniform(t, {"u": u, "y": 0.1 * np.sin(30.0 * taken)}, "run.csv")
     assert np.array_equal(grid.columns["u"], u) is not as_stamped
-    assert ("run straighter" in grid.remarks[0]) is not as_stamped
+    assert ("no straighter" in grid.remarks[0]) is not as_stamped
 
 
 def test_a_clock_that_drifts_by_samples_is_resampled() -> None:

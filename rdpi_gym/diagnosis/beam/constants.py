@@ -50,7 +50,7 @@ TABLE: tuple[Constant, ...] = (
     Constant("BLOCK_LENGTHS", BLOCK_LENGTHS, "correlation lengths", "length of a block",
              "Künsch 1989: blocks longer than the correlation"),
     Constant("DRAWS", DRAWS, "draws", "of the bootstrap", "standard error of 1 % at a level of 5 %"),
-    Constant("LEVEL", LEVEL, "1", "chance that any of the moves tried is taken without a reason", "convention"),
+    Constant("LEVEL", LEVEL, "1", "chance that any of the looks, free blocks or openings is taken without a reason", "convention"),
     Constant("TEMPERATURE", TEMPERATURE, "nats over nats", "divides the sum of the scores; 2 would be the "
              "Gaussian likelihood with one independent value a block, were models true",
              "names of 80 plants, studies.one_law of 40 at seeds 21 and 22: log loss 2.6 nats a plant at 2, 2.3 at "
