@@ -146,6 +146,11 @@ def linear_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array
                 y[t, b] += p[c + i, b] * new[i, b]
 
 
+def _lags_s(scale: DataScale) -> tuple[float, ...]:
+    """Times that a fit of a lag begins with (s): parts and multiples of the shortest sampling time."""
+    return tuple(4.0**k * scale.shortest_s for k in range(-1, 4))
+
+
 @dataclass(frozen=True)
 class FirstOrderLag(Effect):
     """Lag, in either place of one."""
@@ -154,6 +159,11 @@ class FirstOrderLag(Effect):
 
     block = staticmethod(linear_block)
     state_rows = rows(2)  # last input and output
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From a lag between two samples to one of many."""
+        return tuple(cls.within_bounds(time_constant_s=lag_s) for lag_s in _lags_s(scale))
 
     @property
     def slow_lag_s(self) -> float:
@@ -185,6 +195,14 @@ class SecondOrderLag(Effect):
     def slow_lag_s(self) -> float:
         """Both time constants."""
         return self.time_constant_s * (1.0 + self.second_ratio)
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """From a lag between two samples to one of many, shared unequally."""
+        return tuple(
+            cls.within_bounds(time_constant_s=lag_s / 1.3, second_ratio=0.3)
+            for lag_s in _lags_s(scale)
+        )
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
@@ -233,8 +251,11 @@ class ThirdOrderLag(Effect):
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """A small delay of a filter of Bessel's kind."""
-        return (cls(cls.parameters[0].typical[0], 0.4, 0.17),)
+        """Delays of a filter of Bessel's kind, from one between two samples to one of many."""
+        return tuple(
+            cls.within_bounds(time_constant_s=lag_s, second_share=0.4, third_share=0.17)
+            for lag_s in _lags_s(scale)
+        )
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
