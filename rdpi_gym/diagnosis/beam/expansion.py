@@ -176,6 +176,15 @@ def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool)
     return _whole(evidence, (), [(model, of.key) for model in models], pool)
 
 
+def in_other_forms(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
+    """Return the sets with one effect in the richer form that a look gains most with."""
+    place = Place(evidence.mended(of.model.clocks), of.model)
+    bare = [(effect, place.without(effect.name)) for effect in _free(evidence, of.model)]
+    starts = [or_none(partial(each.forms, effect), of.model.effects) for effect, each in bare]
+    pairs = zip(bare, starts, strict=True)
+    return _expanded(evidence, [Asked(of, b, own or [], place) for (_, b), own in pairs], pool)
+
+
 def further(evidence: Evidence, of: Visited) -> list[Visited]:
     """Return a set refitted again from where its passes ended."""
     one = refitted(evidence, of.model, of.parent)

@@ -23,6 +23,7 @@ from rdpi_gym.diagnosis.beam.expansion import (
     dropped,
     expanded,
     further,
+    in_other_forms,
     of_other_kinds,
     offered,
     with_free_blocks,
@@ -228,6 +229,10 @@ class Scores:
         more = len(one.model.names) + 1 - len(best.model.names)
         return not self.is_at_floor(one) and self._left(best) >= more * self._price
 
+    def may_bend(self, one: Visited) -> bool:
+        """Whether what a set leaves could pay for one of two forms."""
+        return self._left(one) >= math.log(2.0)
+
     @property
     def _price(self) -> float:
         """Least gain that pays for one effect more (nats)."""
@@ -327,10 +332,13 @@ def searched(
 
 
 def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:
-    """Drop and exchange names of the best set until none of these sets has a larger weight."""
+    """Drop and exchange names and forms of the best set until no such set has a larger weight."""
     before, (scores, best) = None, _led(beam, stage)
     while best.key != before:
         before = best.key
+        if scores.may_bend(best):
+            forms = partial(in_other_forms, beam.evidence, best, pool)
+            beam.judge(stage(f"forms of {' '.join(before)}", beam.visited, forms))
         fewer = partial(dropped, beam.evidence, frozenset(beam.visited), best, pool)
         beam.judge(stage(f"less than {' '.join(before)}", beam.visited, fewer))
         scores, best = _led(beam, stage)
