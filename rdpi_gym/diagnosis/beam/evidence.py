@@ -56,6 +56,12 @@ class Clock:
         """Name of the fault, without its size."""
         return f"clock {self.kind} of {self.record or 'all records'}"
 
+    def fits(self, record: Record) -> bool:
+        """Whether a record is as long as its fault asks: no delay lasts longer, no time turns back."""
+        lasts_s = float(record.t_s[-1] - record.t_s[0])
+        most = {"delay": lasts_s, "skew": 1.0, "step": math.log(record.t_s.size)}[self.kind]
+        return self.record not in ("", record.name) or abs(self.value) < most
+
     def mended(self, record: Record) -> Record:
         """Return a record with the command at the times at which its displacement was taken."""
         if self.record not in ("", record.name) or self.value == 0.0:

@@ -146,6 +146,10 @@ def _refitted(evidence: Evidence, model: Model, parent: tuple[str, ...] | None) 
                 for clock, step in zip(clocks, steps, strict=True)
             ),
         )
+        if not all(
+            clock.fits(r) for clock in model.clocks for r in (*here.train, *here.validation)
+        ):
+            return None
     lefts = [*cross_fitted(rows, moves), *judged]
     if not math.isfinite(squares(lefts)):
         return None
