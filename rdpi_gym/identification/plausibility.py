@@ -160,7 +160,9 @@ def orientation(records: Sequence[Record]) -> bool | None:
         for start, end in pairwise(crossings.tolist()):
             part = slice(start, end + 1)
             if size > 0.0 and record.error_mask[part].all():
-                areas.append(float(np.trapezoid(y[part], u[part])) / size)
+                # closed by a straight line: what is proportional to the command encloses nothing
+                closing = 0.5 * (y[start] + y[end]) * (u[start] - u[end])
+                areas.append(float(np.trapezoid(y[part], u[part]) + closing) / size)
     if len(areas) < _CYCLES:
         return None
     middle = float(np.median(areas))

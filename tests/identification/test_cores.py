@@ -13,7 +13,7 @@ from rdpi_gym.identification.kinds import choose_kind, same_models
 from rdpi_gym.identification.plausibility import orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
+from rdpi_gym.plant import CORES, P10, RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.cores.bouc_wen import AsymmetricBoucWen, BoucWen
 from rdpi_gym.plant.cores.dahl import Dahl
@@ -225,3 +225,12 @@ def test_loops_that_enclose_no_area_turn_neither_way() -> None:
     still = Record("line", t, u, 2.0 * u + 0.1 * rng.standard_normal(5000), ts_s=TS_S)
     assert orientation([still]) is None
     assert orientation([replace(still, u_V=t)]) is None
+
+
+def test_what_is_proportional_to_random_steps_encloses_nothing() -> None:
+    levels = np.repeat(np.random.default_rng(3).uniform(-40.0, 40.0, 60), 20)
+    t = np.arange(levels.size) * 1e-3
+    steps = Record("steps", t, levels, 0.2 * levels, ts_s=1e-3)
+    assert orientation([steps]) is None
+    lagging = replace(steps, y_um=Plant(P10, 1e-3).simulate(levels))
+    assert orientation([lagging]) is False
