@@ -122,11 +122,13 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
         if base is None:
             continue
         near = each.place.evidence
-        chosen = (
-            bearable(base, found, near)
-            if () in each.starts
-            else raced(base, found, near, each.most)
-        )
+        if () in each.starts:
+            chosen = bearable(base, found, near)
+        else:
+            chosen = raced(base, found, near, each.most)
+            first = seen[0] if seen and each.most > 1 else None
+            if first is not None and first not in chosen:  # a look may end before a curve is bent
+                chosen.append(first)
         kept += [(parents.index(each.of.key), each.of, look) for look in chosen]
     kept.sort(key=lambda case: -len(case[2].model.effects))
     sets = pool.map(partial(_refitted, evidence, linear), kept)
