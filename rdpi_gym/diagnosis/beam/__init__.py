@@ -19,12 +19,12 @@
 4. The best few sets go on in parallel, each by every move: those that have a weight, and those that are
    behind the best one by no more than it leaves. Which start of a form promises most beside a set is
    linear algebra on columns that were simulated once (``signatures``). What promises most is followed
-   for a few steps, and of these looks the best are refitted (``moves``, ``expansion``). In the set
-   that leads, each name is exchanged against the others, too. A set goes on while one effect more, were
+   for a few steps, and of these looks the best are refitted, and whatever promised most (``moves``,
+   ``expansion``). In the set that leads, each name is exchanged against the others, too. A set goes on while one effect more, were
    nothing left then, could make it weigh more than the best one.
 5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the
-   sets that have it, and names of the best set are dropped until no set with one less weighs more. A
-   name is *found* from 90 % on and *likely* from 50; a name that a free block in its place beats by the
+   sets that have it. The best set is held against those with one name less, a richer form, or a stage at
+   the place of another name until none of them weighs more. A name is *found* from 90 % on and *likely* from 50; a name that a free block in its place beats by the
    one decision, or that takes less of the score than its set leaves above the floor, is a *stand-in*
    (``grades``): whatever leaves that may be its cause too.
 
@@ -32,8 +32,8 @@ Every number that does not come from the data stands in ``constants.TABLE``.
 
 Limits
 ------
-- Names, paired over 40 plants (``studies/results/one_law``): exact on 80 %, as the search before; a wrong
-  name that is likely on 7.5 % and found on none, where that found one on 5 %; 0.77 of its processor time.
+- Names and times, paired with the search before: ``studies/results/one_law``. On single effects in other
+  forms about one in ten is not named; a clock that loses a whole sample at a time is no move.
 - What goes by the clock beside other effects is followed by smooth curves of fourteen knots; a walk
   that is rougher leaves a few per cent above the floor, and further names are asked of it.
 - Time: longest where much is left that nothing takes, as each refitted set offers as many again. Long
@@ -47,7 +47,7 @@ Limits
 - The temperature was fitted to sets that a search at 2 had visited. Eleven, of less log loss, ends a
   search too early (PICMA at 0.213 µm). An initial memory stays in the place of a backlash at 1.6 floors on
   one plant that was named right before: few blocks hold what is left.
-  The effect of halving and doubling each of the other constants has not been measured.
+  Halving and doubling each of the other constants: ``python -m studies.search_constants``, not run yet.
 - Jitter of a clock is no move.
 - Checks without a model do not forbid a name yet. The opening of a record that is only to be judged by
   counts where no other one spoils the fit (a hum beside a backlash, seed 31: 10.4 floors with it, 1.0

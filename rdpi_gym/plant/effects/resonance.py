@@ -12,7 +12,7 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Pict
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
 
 _PERIODS = 10.0
-"""Periods that a record has to hold for a mode to be told from a drift."""
+"""Least periods of a mode in a record; a slower one is a drift there."""
 
 
 def _lag_s(f0_hz: float, damping: float) -> float:
