@@ -123,7 +123,7 @@ def _files(chosen: Namespace) -> Files:
         "that of the search as it is.\n\n"
         f"{frame_table(frame, digits=None, rule='plain')}\n"
     )
-    return {"constants.csv": frame, "constants.md": text}
+    return {f"{main.name}.csv": frame, f"{main.name}.md": text}
 
 
 main = Study(

@@ -51,7 +51,7 @@ def read_stages(path: Path, of: Evidence) -> dict[str, object]:
 
     for name in NAMES:
         try:
-            (one,) = checkpoint.stage(name, {}, missing)
+            one, *_ = checkpoint.stage(name, {}, missing) or missing()
         except LookupError:
             continue
         lefts = [left.tolist() for left in one.lefts]

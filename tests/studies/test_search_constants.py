@@ -2,7 +2,7 @@
 
 import pytest
 
-from rdpi_gym.diagnosis.beam import decision, search
+from rdpi_gym.diagnosis.beam import decision, moves
 from rdpi_gym.diagnosis.beam.constants import FOUND, LEVEL, TABLE
 from studies.search_constants import AS_IT_IS, changed, scaled, table, trials
 
@@ -18,8 +18,8 @@ def test_counts_stay_whole_and_probabilities_below_one():
 
 def test_a_constant_is_changed_where_it_is_read_and_for_a_while():
     with changed("LEVEL", 0.2):
-        assert search.LEVEL == 0.2
-    assert search.LEVEL == LEVEL
+        assert moves.LEVEL == 0.2
+    assert moves.LEVEL == LEVEL
     with changed("TEMPERATURE", 1.0):
         assert decision.TEMPERATURE == 1.0
 

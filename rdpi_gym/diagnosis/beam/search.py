@@ -118,7 +118,11 @@ class Beam:
 
     def begin(self, stage: Stage, pool: Pool = ALONE) -> Visited:
         """Visit the set that the search begins with: of all kinds of hysteresis where that is wanted."""
-        (base,) = stage("base", self.visited, lambda: [begun(self.evidence)])
+
+        def first() -> list[Visited]:
+            return [begun(self.evidence)]
+
+        base, *_ = stage("base", self.visited, first) or first()  # a file may hold none
         self.add([base])
         self.accepted.add(base.key)
         if not self.evidence.offer.begins_with_all:

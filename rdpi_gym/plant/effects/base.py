@@ -172,10 +172,10 @@ class Effect(ABC):
     Examples
     --------
     >>> from rdpi_gym.plant.effects import CATALOGUE
-    >>> CATALOGUE["delay"](delay_s=1.0)
+    >>> CATALOGUE["delay"](delay_s=2.0)
     Traceback (most recent call last):
     ...
-    rdpi_gym.support.errors.InputError: delay delay_s is 1.0 s; physical values lie in 0 to 0.02
+    rdpi_gym.support.errors.InputError: delay delay_s is 2.0 s; physical values lie in 0 to 1
     """
 
     name: ClassVar[str]
