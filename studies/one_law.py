@@ -95,7 +95,7 @@ def run_unit(unit: Unit, code: str) -> Row:
     return row | {"key": unit.key, "engine": BEAM, "stratum": unit.stratum, "code": code}
 
 
-_ROOMS = ("plant", "measurement", "identification", "diagnosis")
+ROOMS = ("plant", "measurement", "identification", "diagnosis")
 
 
 def _rows(chosen: Namespace) -> list[Row]:
@@ -105,7 +105,7 @@ def _rows(chosen: Namespace) -> list[Row]:
     known = [before[key] for key in keys if key in before]
     if chosen.tables:
         return [*known, *stored_rows(asked, chosen.out / BEAM)]
-    code = fingerprint(code_parts(room_files(*_ROOMS)))
+    code = fingerprint(code_parts(room_files(*ROOMS)))
     with progress_bar() as show:
         run = partial(run_unit, code=code)
         return [*known, *run_rows(asked, chosen.out / BEAM, run, code, chosen.jobs, show)]
@@ -310,7 +310,7 @@ def _trial_rows(chosen: Namespace, part: Literal["measured", "long"]) -> list[Ro
     asked = [Trial(part, name, way) for name, way in names]
     if chosen.tables:
         return stored_rows(asked, chosen.out / part)
-    code = fingerprint(code_parts(room_files(*_ROOMS)))
+    code = fingerprint(code_parts(room_files(*ROOMS)))
     with progress_bar() as show:
         return run_rows(
             asked, chosen.out / part, partial(run_trial, code=code), code, chosen.jobs, show

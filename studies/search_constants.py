@@ -11,20 +11,16 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
 import pandas as pd
 
-from benchmarks.rows import run_rows
 from rdpi_gym.diagnosis.beam.constants import TABLE, Constant
-from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
-from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row
 from studies import one_law
-from studies.runner import Files, Study
+from studies.runner import Files, Study, study_rows
 
 RESULTS = Path(__file__).parent / "results" / "constants"
 FACTORS = (0.5, 2.0)
@@ -72,14 +68,12 @@ def trials(plants: int, seed: int) -> list[Trial]:
     return [Trial(unit, *each) for each in [(AS_IT_IS, 1.0), *others] for unit in units]
 
 
-def run_trial(trial: Trial, code: str) -> Row:
-    """Search the records of one plant."""
-    values = {c.name: scaled(c, trial.factor) for c in TABLE if c.name == trial.name}
-    with ExitStack() as stack:
-        for name, value in values.items():
-            stack.enter_context(changed(name, value))
-        row = one_law.run_unit(trial.unit, code)
-    return row | {"key": trial.key, "constant": trial.name, "factor": trial.factor}
+def run_trial(case: Trial, code: str) -> Row:
+    """Search the records of one plant; no constant has the name of the search as it is."""
+    values = {c.name: scaled(c, case.factor) for c in TABLE}
+    with changed(case.name, values.get(case.name, case.factor)):
+        row = one_law.run_unit(case.unit, code)
+    return row | {"key": case.key, "constant": case.name, "factor": case.factor}
 
 
 def table(rows: Sequence[Row]) -> pd.DataFrame:
@@ -87,7 +81,7 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
     done = [row for row in rows if row["status"] == "done"]
     frame = pd.DataFrame([
         one_law.judged(row)
-        | {"constant": row["constant"], "factor": row["factor"], "plant": row["key"].partition("/")[2]}
+        | {"constant": row["constant"], "factor": row["factor"]}
         | {"names": " ".join(sorted(step["effect"] for step in row["steps"]))}
         for row in done
     ])  # fmt: skip
@@ -108,13 +102,8 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 def _files(chosen: Namespace) -> Files:
-    code = fingerprint(
-        code_parts(room_files("plant", "measurement", "identification", "diagnosis"))
-    )
     asked = trials(chosen.plants, chosen.seed)
-    with progress_bar() as show:
-        run = partial(run_trial, code=code)
-        rows = run_rows(asked, chosen.out, run, code, chosen.jobs, show)
+    rows = study_rows(asked, run_trial, chosen, one_law.ROOMS, [Path(__file__)])
     frame = table(rows)
     text = (
         "# Constants of the search, halved and doubled\n\n"

@@ -512,10 +512,9 @@ def foreign_targets(rows: Sequence[Row]) -> list[Target]:
     found = []
     for goal in _FOREIGN_TARGETS:
         part = j[j["study"] == goal.study]
-        if len(part):
-            classes = int(part[goal.by_class].sum()) if goal.by_class else 0
-            reached = int(goal.fulfils(part).sum())
-            found.append(Target(goal.study, goal.asks, goal.percent, reached, len(part), classes))
+        classes = int(part[goal.by_class].sum()) if goal.by_class else 0
+        reached = int(goal.fulfils(part).sum())
+        found.append(Target(goal.study, goal.asks, goal.percent, reached, len(part), classes))
     for study, limits in _WRONG_ASKED.items():
         part = j if study == "all" else j[j["study"] == study]
         for column, words, most in zip(("wrong_found", "additions"), _WRONG, limits, strict=True):
@@ -525,12 +524,12 @@ def foreign_targets(rows: Sequence[Row]) -> list[Target]:
     true = int(_true(done["all_true"]).sum())
     faults, sound = done[done["degraded"].isin(_CLOCKS)], done[done["degraded"] == "none"]
     noticed, stated = int(faults["noticed"].sum()), int(sound["clock_stated"].sum())
-    return [
-        *found,
+    found += [
         Target("all", "what is said about what is left is true", 98.0, true, len(done), 0),
         Target("clock faults", "noticed", 80.0, noticed, len(faults), 0),
         Target("sound records", "a clock fault stated", 2.0, stated, len(sound), 0, at_most=True),
     ]
+    return [target for target in found if target.cases]
 
 
 def _statement_table(j: pd.DataFrame) -> pd.DataFrame:

@@ -94,6 +94,8 @@ _FEWEST, _BOTH = 16, 0.05  # samples; share of the steps that the rarer length h
 _EXACT = 1e-3  # of a decimal: so far a time may be off it by the arithmetic of a converted unit
 _LARGEST_GROWTH = 10
 _HALF = 0.55  # of a decimal: no stamp of an even clock is rounded by more
+_ERRORS = 2.0  # standard errors by which samples run straighter by their stamps than by chance
+_NO_BEND = 1e-9  # of a signal's range: beneath it a sample is on the line between its neighbours
 _NEARLY = 0.9  # of an interpolated sample is made of samples that count
 
 
@@ -211,18 +213,18 @@ def _is_as_stamped(t_s: Array, even: Array, columns: Mapping[str, Array]) -> boo
     """Whether samples lie straighter between their neighbours by their stamps than by an even clock.
 
     A command or displacement that was taken at other times than it is stamped with zigzags. Logarithms,
-    as jumps hide all other samples in a sum of squares; by two standard errors, as noise tells nothing.
+    as jumps hide all other samples in a sum of squares; by some standard errors, as noise tells nothing.
     """
     signals = [x for name, x in columns.items() if name != "period"]
     gains = np.concatenate([_bent(even, x) - _bent(t_s, x) for x in signals])
-    return float(gains.sum()) > 2.0 * float(np.linalg.norm(gains))
+    return float(gains.sum()) > _ERRORS * float(np.linalg.norm(gains))
 
 
 def _bent(t_s: Array, x: Array) -> Array:
     """Logarithm of how far each sample is off the line between its neighbours, ``(N - 2,)``."""
     share = (t_s[1:-1] - t_s[:-2]) / (t_s[2:] - t_s[:-2])
     off = np.abs(x[1:-1] - x[:-2] - share * (x[2:] - x[:-2]))
-    return np.asarray(np.log(off + 1e-9 * max(float(np.ptp(x)), 1e-300)))
+    return np.asarray(np.log(off + _NO_BEND * max(float(np.ptp(x)), 1e-300)))
 
 
 def with_lost(t_s: Array) -> tuple[Array, NDArray[np.intp]]:

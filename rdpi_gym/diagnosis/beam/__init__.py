@@ -20,20 +20,20 @@
    behind the best one by no more than it leaves. Which start of a form promises most beside a set is
    linear algebra on columns that were simulated once (``signatures``). What promises most is followed
    for a few steps, and of these looks the best are refitted, and whatever promised most (``moves``,
-   ``expansion``). In the set that leads, each name is exchanged against the others, too. A set goes on while one effect more, were
-   nothing left then, could make it weigh more than the best one.
+   ``expansion``). In the set that leads, each name is exchanged against the others, too. A set goes on
+   while one effect more, were nothing left then, could make it weigh more than the best one.
 5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the
    sets that have it. The best set is held against those with one name less, a richer form, or a stage at
-   the place of another name until none of them weighs more. A name is *found* from 90 % on and *likely* from 50; a name that a free block in its place beats by the
-   one decision, or that takes less of the score than its set leaves above the floor, is a *stand-in*
-   (``grades``): whatever leaves that may be its cause too.
+   the place of another name until none of them weighs more. A name is *found* from 90 % on and *likely*
+   from 50; a name that a free block in its place beats in the bootstrap, or that takes less of the score
+   than its set leaves above the floor, is a *stand-in* (``grades``): whatever leaves that may be its cause
+   too.
 
 Every number that does not come from the data stands in ``constants.TABLE``.
 
 Limits
 ------
-- Names and times, paired with the search before: ``studies/results/one_law``. On single effects in other
-  forms about one in ten is not named; a clock that loses a whole sample at a time is no move.
+- Names and times, paired with the search before: ``studies/results/one_law``.
 - What goes by the clock beside other effects is followed by smooth curves of fourteen knots; a walk
   that is rougher leaves a few per cent above the floor, and further names are asked of it.
 - Time: longest where much is left that nothing takes, as each refitted set offers as many again. Long
@@ -48,7 +48,7 @@ Limits
   search too early (PICMA at 0.213 µm). An initial memory stays in the place of a backlash at 1.6 floors on
   one plant that was named right before: few blocks hold what is left.
   Halving and doubling each of the other constants: ``python -m studies.search_constants``, not run yet.
-- Jitter of a clock is no move.
+- Jitter of a clock is no move, and no clock that loses a whole sample at a time.
 - Checks without a model do not forbid a name yet. The opening of a record that is only to be judged by
   counts where no other one spoils the fit (a hum beside a backlash, seed 31: 10.4 floors with it, 1.0
   without, the same name found); a search that left openings out is not resumed from a file.

@@ -167,11 +167,9 @@ class Beam:
 
     def accept(self, found: Sequence[Visited], scores: Scores) -> None:
         """Accept the sets that outweigh their parents, and all with less than an accepted one."""
-        moves = [one for one in found if one.parent is not None]
-        of = [self.visited[one.parent] for one in moves if one.parent is not None]
-        self.accepted.update(
-            one.key for one, p in zip(moves, of, strict=True) if scores.outweighs(one, p)
-        )
+        for one in found:
+            if one.parent is not None and scores.outweighs(one, self.visited[one.parent]):
+                self.accepted.add(one.key)
         accepted = [one for one in scores.sets if one.key in self.accepted]
         scale = self.evidence.scale
         models = [one.model for one in accepted]
@@ -215,10 +213,6 @@ class Scores:
         """Weight of each set in each draw, ``(DRAWS, K)``."""
         priors = [prior_of(one.model, self.offered) for one in self.sets]
         return drawn_weights(self.table, priors, self.draws)
-
-    @cached_property
-    def _by_key(self) -> dict[Key, Visited]:
-        return {one.key: one for one in self.sets}
 
     def of(self, one: Visited) -> Array:
         """Score of each block of a set (nats)."""

@@ -88,7 +88,8 @@ class Resonance(Effect):
         """
         fastest, slowest = 0.25 / scale.shortest_s, _PERIODS / scale.longest_s
         count = max(math.ceil(math.log(fastest / slowest, 1.5)), 1)
-        return tuple(cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(count))
+        modes = (cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(count))
+        return tuple(dict.fromkeys(modes))  # the bound stands for all that are slower
 
     @property
     def slow_lag_s(self) -> float:

@@ -129,7 +129,21 @@ def unlike_slew_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: 
 
 
 @dataclass(frozen=True)
-class UnlikeUpAndDown(Effect, of=SlewLimit):
+class _UnlikeLimits(Effect):
+    """Largest rates either way."""
+
+    up_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u")
+    down_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d")
+
+    state_rows = rows(2)  # last input and last output
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Largest steps of one sample up and down (V)."""
+        return [self.up_V_s * ts_s, self.down_V_s * ts_s]
+
+
+@dataclass(frozen=True)
+class UnlikeUpAndDown(_UnlikeLimits, of=SlewLimit):
     """Amplifier whose voltage rises at up_V_s at most and falls at down_V_s at most.
 
     Examples
@@ -137,9 +151,6 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
     >>> UnlikeUpAndDown(1000.0, 2000.0).run([0.0, 4.0, 4.0, 4.0, 4.0, 0.0], 1e-3).tolist()
     [0.0, 1.0, 2.0, 3.0, 4.0, 2.0]
     """
-
-    up_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u")
-    down_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d")
 
     form = "unlike up and down"
     equation = "u' follows u with -R_d <= du'/dt <= R_u"
@@ -149,7 +160,6 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
         "and odd harmonics."
     )
     block = staticmethod(unlike_slew_block)
-    state_rows = rows(2)  # last input and last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -172,9 +182,31 @@ class UnlikeUpAndDown(Effect, of=SlewLimit):
             for up, down in ((1.0, 1.0), (0.8, 1.25), (1.25, 0.8), (0.5, 2.0), (2.0, 0.5))
         )
 
-    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
-        """Largest steps of one sample up and down (V)."""
-        return [self.up_V_s * ts_s, self.down_V_s * ts_s]
+
+@njit(inline="always")
+def _charged(ahead: float, slope: float, up: float, down: float, lag: float) -> float:
+    """Input less output (V) after a sample, from that before, the input's step, largest steps, lag."""
+    high, low, rest, left = up * lag, -down * lag, slope * lag, 1.0
+    for _ in range(_PHASES):
+        taken = left
+        if ahead > high or (ahead == high and slope > up):
+            if slope < up:
+                taken = min(left, (ahead - high) / (up - slope))
+            ahead = high if taken < left else ahead + (slope - up) * taken
+        elif ahead < low or (ahead == low and slope < -down):
+            if slope > -down:
+                taken = min(left, (low - ahead) / (slope + down))
+            ahead = low if taken < left else ahead + (slope + down) * taken
+        else:
+            bound = high if rest > ahead else low
+            if rest > high or rest < low:
+                taken = min(left, lag * math.log((rest - ahead) / (rest - bound)))
+            kept = math.exp(-taken / lag)
+            ahead = bound if taken < left else rest + (ahead - rest) * kept
+        left -= taken
+        if left <= 0.0:
+            break
+    return ahead
 
 
 @njit(cache=True)
@@ -188,34 +220,14 @@ def charging_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arr
         for b in range(x.shape[1]):
             if np.isnan(state[0, b]):
                 state[0, b] = state[1, b] = x[t, b]
-            up, down, lag = p[0, b], p[1, b], p[2, b]
-            slope, ahead, left = x[t, b] - state[0, b], state[0, b] - state[1, b], 1.0
-            high, low, rest = up * lag, -down * lag, slope * lag
-            for _ in range(_PHASES):
-                taken = left
-                if ahead > high or (ahead == high and slope > up):
-                    if slope < up:
-                        taken = min(left, (ahead - high) / (up - slope))
-                    ahead = high if taken < left else ahead + (slope - up) * taken
-                elif ahead < low or (ahead == low and slope < -down):
-                    if slope > -down:
-                        taken = min(left, (low - ahead) / (slope + down))
-                    ahead = low if taken < left else ahead + (slope + down) * taken
-                else:
-                    bound = high if rest > ahead else low
-                    if rest > high or rest < low:
-                        taken = min(left, lag * math.log((rest - ahead) / (rest - bound)))
-                    kept = math.exp(-taken / lag)
-                    ahead = bound if taken < left else rest + (ahead - rest) * kept
-                left -= taken
-                if left <= 0.0:
-                    break
+            last, out = state[0, b], state[1, b]
+            ahead = _charged(last - out, x[t, b] - last, p[0, b], p[1, b], p[2, b])
             state[0, b] = x[t, b]
             state[1, b] = y[t, b] = x[t, b] - ahead
 
 
 @dataclass(frozen=True)
-class Charging(Effect, of=SlewLimit):
+class Charging(_UnlikeLimits, of=SlewLimit):
     """Amplifier whose limited current charges the stack through its output resistance.
 
     Examples
@@ -225,8 +237,6 @@ class Charging(Effect, of=SlewLimit):
     [0.0, 0.0, 0.86, 1.86, 2.86, 3.58, 3.84]
     """
 
-    up_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate upwards, R_u")
-    down_V_s: float = parameter(1e4, "V/s", 1e-9, 1e12, (3e3, 2.5e4), "largest rate downwards, R_d")
     time_constant_s: float = parameter(
         1e-4, "s", 1e-9, 10.0, (1e-5, 1e-3), "time constant of small signals, τ = R C"
     )
@@ -242,7 +252,6 @@ class Charging(Effect, of=SlewLimit):
         "gradually, with that lag."
     )
     block = staticmethod(charging_block)
-    state_rows = rows(2)  # last input and last output
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -270,4 +279,4 @@ class Charging(Effect, of=SlewLimit):
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest steps of one sample up and down (V), time constant (samples)."""
-        return [self.up_V_s * ts_s, self.down_V_s * ts_s, self.time_constant_s / ts_s]
+        return [*super().coefficients(ts_s, hysteresis), self.time_constant_s / ts_s]
