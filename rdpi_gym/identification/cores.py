@@ -31,6 +31,7 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.parameters import Parameter
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import in_one_thread
 from rdpi_gym.support.progress import Progress, silent
 
 # Samples that enter the squares: a core of a hundred gains has hundreds for each; and for each gain
@@ -92,6 +93,7 @@ class CoreFit:
     warnings: tuple[str, ...] = ()
 
 
+@in_one_thread
 def fit_core(
     data: Dataset | Sequence[Record],
     kind: type[Core],

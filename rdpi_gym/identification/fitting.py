@@ -34,6 +34,7 @@ from rdpi_gym.measurement import Dataset, Quantities, Record
 from rdpi_gym.plant import RDPI, PlantModel
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
+from rdpi_gym.support.parallel import in_one_thread
 from rdpi_gym.support.progress import Progress, silent
 
 
@@ -231,6 +232,7 @@ _ROUNDING = 1e-9
 _NO_RELATION = 0.1
 
 
+@in_one_thread
 def fit(
     data: Dataset | Sequence[Record],
     n: int = 10,

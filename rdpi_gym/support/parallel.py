@@ -11,29 +11,51 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import chdir, contextmanager
-from functools import lru_cache, partial
+from functools import lru_cache, partial, wraps
 from multiprocessing import resource_tracker
 from pathlib import Path
 from pickle import loads
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 from urllib.parse import urlsplit
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.backend.reduction import dumps
 from joblib.externals.loky.backend.resource_tracker import ensure_running
+from threadpoolctl import threadpool_limits
 
 from rdpi_gym.support.command import uninterrupted_children
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.guard import SAFE_PATH
 
 C = TypeVar("C")
+P = ParamSpec("P")
 R = TypeVar("R")
 
 _PATIENCE_S = 5.0
 # Work (s) of one map from which on processes pay: each takes 1.5 s to import and to load kernels, and
 # a search has several maps.
 _WORTH_S = 1.5
+
+
+def in_one_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """Let the linear algebra of a function run in one thread, as it does in processes of `run_cases`.
+
+    Threads of a library double the processor time of a fit of few parameters and end no sooner, and
+    their sums are rounded otherwise.
+
+    Examples
+    --------
+    >>> in_one_thread(abs)(-1)
+    1
+    """
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
 
 
 def run_cases(

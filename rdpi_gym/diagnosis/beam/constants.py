@@ -25,7 +25,7 @@ LEVEL = 0.05
 TEMPERATURE = 4.0
 BEAM = 3
 LEAST_WEIGHT = 0.05
-ROUNDS = 6
+EXPANDED = 18
 RACE_SAMPLES = 6_000
 RACE_STEPS = 3
 FOLLOWED = 2
@@ -57,7 +57,8 @@ TABLE: tuple[Constant, ...] = (
              "4, 1.7 to 1.8 from 11 to 32; the largest at which no name that is there is lost"),
     Constant("BEAM", BEAM, "sets", "that go on in parallel", "three to five; two cores"),
     Constant("LEAST_WEIGHT", LEAST_WEIGHT, "1", "of a set that goes on", "less moves no probability by 5 %"),
-    Constant("ROUNDS", ROUNDS, "rounds", "of moves at most", "twice the effects that a plant of the studies has"),
+    Constant("EXPANDED", EXPANDED, "sets", "whose moves are looked at, at most",
+             "the beam, for each of twice the effects that a plant of the studies has"),
     Constant("RACE_SAMPLES", RACE_SAMPLES, "samples", "in the squares of a first look",
              "a hundred for each number"),
     Constant("RACE_STEPS", RACE_STEPS, "steps", "of Gauss-Newton in a first look", "its gain is then settled to 10 %"),

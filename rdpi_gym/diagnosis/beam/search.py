@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import count
@@ -12,8 +12,8 @@ import numpy as np
 
 from rdpi_gym.diagnosis.beam.constants import (
     BEAM,
+    EXPANDED,
     LEAST_WEIGHT,
-    ROUNDS,
     TEMPERATURE,
 )
 from rdpi_gym.diagnosis.beam.decision import draw_blocks, drawn_weights, log_prior
@@ -291,30 +291,25 @@ def searched(
     kinds = partial(beam.of_other_kinds, pool)
     done: set[Key] = set()
     signatures = dict[str, Sequence[Signature]]()
-    for number in range(ROUNDS):
+    for _ in range(EXPANDED):
         scores, best = _led(beam, stage)
-        front = [one for one in _front(beam, scores) if one.key not in done]
-        front = [o for o in front if scores.may_grow(o, best) or len(o.model.effects) > 1]
-        if not front:  # where no name pays any more, and none is an initial memory
+        one = _next(beam, scores, best, done)
+        if one is None:  # where no name pays any more, and none is an initial memory
             spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)
             break
-        for k, one in enumerate(front):
-            scores = beam.scored()  # what was found since may forbid it to grow
-            grows = scores.may_grow(one, best_of(beam, scores))
-            if not grows and len(one.model.effects) < 2:
-                continue
-            if grows and one.model.core.name not in signatures:
-                signatures[one.model.core.name] = offered(evidence, one)
-            known = frozenset(beam.visited)
-            case = (one, grows, one is best)
-            make = partial(expanded, beam.evidence, known, frozenset(done), signatures, case, pool)
-            found = stage(f"round {number}, set {k}", beam.visited, make)
-            if one is base and not with_all:
-                found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
-            beam.judge(found)
-        done |= {one.key for one in front}
+        grows = scores.may_grow(one, best)
+        if grows and one.model.core.name not in signatures:
+            signatures[one.model.core.name] = offered(evidence, one)
+        known = frozenset(beam.visited)
+        case = (one, grows, one is best)
+        make = partial(expanded, beam.evidence, known, frozenset(done), signatures, case, pool)
+        found = stage(f"moves of {' '.join(one.key)}", beam.visited, make)
+        if one is base and not with_all:
+            found = [*found, *stage("kinds", beam.visited, partial(kinds, [base], loose=False))]
+        beam.judge(found)
+        done.add(one.key)
     scores, best = _settled(beam, pool, stage)
     if not scores.is_at_floor(best):
         bare = [base] if best.model.effects else []
@@ -362,8 +357,8 @@ def best_of(beam: Beam, scores: Scores) -> Visited:
     return scores.sets[max(chosen, key=lambda k: mean[k])]
 
 
-def _front(beam: Beam, scores: Scores) -> list[Visited]:
-    """Return the accepted sets that go on: of the best few, those that may yet lead to the right one.
+def _next(beam: Beam, scores: Scores, best: Visited, done: Collection[Key]) -> Visited | None:
+    """Return the set that goes on: of the best few, the first that may yet lead to the right one.
 
     These have a weight, or are behind the best one by no more than that itself leaves: whatever takes
     that may be missing beside them as well.
@@ -371,7 +366,13 @@ def _front(beam: Beam, scores: Scores) -> list[Visited]:
     chosen = [k for k, one in enumerate(scores.sets) if one.key in beam.accepted]
     mean = scores.weights[:, chosen].mean(axis=0)
     mean = mean / max(float(mean.sum()), 1e-300)
-    order = [int(k) for k in np.argsort(-mean)[:BEAM]]
     left = scores.table[chosen].mean(axis=1)
-    most = 0.0 if scores.is_at_floor(scores.sets[chosen[order[0]]]) else 2.0 * left[order[0]]
-    return [scores.sets[chosen[k]] for k in order if mean[k] >= LEAST_WEIGHT or left[k] <= most]
+    order = [int(k) for k in np.argsort(-mean)[:BEAM]]
+    most = 0.0 if scores.is_at_floor(best) else 2.0 * left[order[0]]
+    for k in order:
+        one = scores.sets[chosen[k]]
+        leads = mean[k] >= LEAST_WEIGHT or left[k] <= most
+        grows = scores.may_grow(one, best) or len(one.model.effects) > 1
+        if leads and grows and one.key not in done:
+            return one
+    return None

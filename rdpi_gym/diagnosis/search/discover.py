@@ -49,7 +49,7 @@ from rdpi_gym.plant.effects.unknown import Unknown
 from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.options import with_options
-from rdpi_gym.support.parallel import Pool
+from rdpi_gym.support.parallel import Pool, in_one_thread
 from rdpi_gym.support.progress import Progress, silent
 from rdpi_gym.support.words import joined
 
@@ -120,6 +120,7 @@ class _Search:
 
 
 @with_options(Request)
+@in_one_thread
 def discover(dataset: Dataset, request: Request) -> SearchResult:
     """Run the beam to its end."""
     search = _Search(dataset, request)
@@ -135,6 +136,7 @@ def discover(dataset: Dataset, request: Request) -> SearchResult:
 
 
 @with_options(Request)
+@in_one_thread
 def diagnose(dataset: Dataset, request: Request) -> SearchResult:
     """Refit the base model with each effect alone, and rank them."""
     search = _Search(dataset, request)
@@ -164,6 +166,7 @@ def diagnose(dataset: Dataset, request: Request) -> SearchResult:
 
 
 @with_options(Request, None)
+@in_one_thread
 def add_effect(dataset: Dataset, kind: type[Effect], request: Request) -> SearchResult:
     """Add one effect because the user says so, better or not, and refit everything."""
     if request.given is not None and any(e.name == kind.name for e in request.given.effects):
