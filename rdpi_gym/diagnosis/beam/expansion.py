@@ -165,16 +165,15 @@ def expanded(
     return [*found, *_whole(evidence, known, [(model, of.key) for model in models], pool)]
 
 
-def dropped(evidence: Evidence, known: Collection[Key], of: Visited, pool: Pool) -> list[Visited]:
+def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
     """Return the sets that have no more effects: with one less, simpler, or under another name.
 
-    Those under another name only where they are not `known`.
+    Those that were visited are refitted from here: a fit may have ended in another valley.
     """
     kept = {effect.name for effect in evidence.offer.kept}
     models = [model for model in of.model.without_one() if kept <= model.names]
     models += of.model.simplified(evidence.scale)
-    others = exchanged(of.model, evidence.scale, evidence.offer)
-    models += [model for model in others if model.key not in known]
+    models += exchanged(of.model, evidence.scale, evidence.offer)
     return _whole(evidence, (), [(model, of.key) for model in models], pool)
 
 

@@ -51,7 +51,6 @@ from rdpi_gym.identification.joint import (
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
-from rdpi_gym.plant.effects.linear import FirstOrderLag
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
 from rdpi_gym.support.arrays import Array
 
@@ -347,7 +346,7 @@ def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:
 def _twins(effect: Effect, kind: type[Effect], scale: DataScale) -> list[Effect]:
     """Return the forms of another name that are the same stage elsewhere in the chain.
 
-    The form with the same numbers, or before the plays the lag that slow signals have, and the further
+    The form with the same numbers, or with one number, the lag that slow signals have, and the further
     ones.
     """
     forms, lag_s = forms_of(kind), effect.slow_lag_s
@@ -355,8 +354,10 @@ def _twins(effect: Effect, kind: type[Effect], scale: DataScale) -> list[Effect]
     if [*effect.values] in numbers:
         k = numbers.index([*effect.values])
         twin = forms[k].within_bounds(**effect.values)
-    elif lag_s is not None and issubclass(kind, FirstOrderLag) and kind.slot == "input":
-        k, twin = 0, kind.within_bounds(time_constant_s=lag_s)
+    elif lag_s is not None and len(numbers[0]) == 1:
+        k, twin = 0, forms[0].within_bounds(**{numbers[0][0]: lag_s})
+        if twin.slow_lag_s is None:
+            return []
     else:
         return []
     further = [form.from_simpler(twin, scale)[:1] for form in forms[k + 1 :]]

@@ -332,7 +332,7 @@ def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:
         if scores.may_bend(best):
             forms = partial(in_other_forms, beam.evidence, best, pool)
             beam.judge(stage(f"forms of {' '.join(before)}", beam.visited, forms))
-        fewer = partial(dropped, beam.evidence, frozenset(beam.visited), best, pool)
+        fewer = partial(dropped, beam.evidence, best, pool)
         beam.judge(stage(f"less than {' '.join(before)}", beam.visited, fewer))
         scores, best = _led(beam, stage)
     return scores, best
