@@ -168,22 +168,34 @@ def expanded(
 def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
     """Return the sets that have no more effects: with one less, simpler, or under another name.
 
-    Those that were visited are refitted from here: a fit may have ended in another valley.
+    With one less the others are looked at in richer forms too, which may have needed it. Those that were
+    visited are refitted from here: a fit may have ended in another valley.
     """
     kept = {effect.name for effect in evidence.offer.kept}
     models = [model for model in of.model.without_one() if kept <= model.names]
     models += of.model.simplified(evidence.scale)
     models += exchanged(of.model, evidence.scale, evidence.offer)
-    return _whole(evidence, (), [(model, of.key) for model in models], pool)
+    place = Place(evidence.mended(of.model.clocks), of.model)
+    fewer = [place.without(effect.name) for effect in _free(evidence, of.model)]
+    richer = [each for one in fewer for each in _in_richer_forms(evidence, of, one)]
+    whole = _whole(evidence, (), [(model, of.key) for model in models], pool)
+    return [*whole, *_expanded(evidence, richer, pool)]
 
 
 def in_other_forms(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
     """Return the sets with one effect in the richer form that a look gains most with."""
     place = Place(evidence.mended(of.model.clocks), of.model)
-    bare = [(effect, place.without(effect.name)) for effect in _free(evidence, of.model)]
-    starts = [or_none(partial(each.forms, effect), of.model.effects) for effect, each in bare]
-    pairs = zip(bare, starts, strict=True)
-    return _expanded(evidence, [Asked(of, b, own or [], place) for (_, b), own in pairs], pool)
+    return _expanded(evidence, _in_richer_forms(evidence, of, place), pool)
+
+
+def _in_richer_forms(evidence: Evidence, of: Visited, place: Place) -> list[Asked]:
+    """Return the richer forms of each effect of a place that are to be looked at beside the others."""
+    found = []
+    for effect in _free(evidence, place.model):
+        bare = place.without(effect.name)
+        starts = or_none(partial(bare.forms, effect), of.model.effects) or []
+        found.append(Asked(of, bare, starts, place))
+    return found
 
 
 def further(evidence: Evidence, of: Visited) -> list[Visited]:

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES, RACE_STEPS
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES, ROUNDS
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
 from rdpi_gym.diagnosis.beam.score import (
     cross_fitted,
@@ -128,7 +128,7 @@ def refitted(
 
 def _refitted(evidence: Evidence, model: Model, parent: tuple[str, ...] | None) -> Visited | None:
     began = time.process_time()
-    for _ in range(RACE_STEPS if model.clocks else 1):
+    for _ in range(ROUNDS if model.clocks else 1):
         here = evidence.mended(model.clocks)
         fit, at = fit_linearised(here.train, model.core, model.effects, PASSES, FIT_SAMPLES)
         rows = _with_clocks(here.train, at.rows, model.clocks, fit.variant)

@@ -20,9 +20,11 @@ from rdpi_gym.diagnosis.beam.constants import (
     LEVEL,
     LOOKED,
     PAIRS,
+    PASSES,
     RACE_SAMPLES,
-    RACE_STEPS,
     REFITTED,
+    ROUNDS,
+    SETTLED,
 )
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
@@ -97,7 +99,7 @@ class Place:
     def _steps(self, effects: Sequence[Effect], steps: int) -> FirstSteps:
         return first_steps(
             self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES,
-            near=self.begun,
+            near=self.begun, settled=SETTLED,
         )  # fmt: skip
 
     @cached_property
@@ -132,7 +134,7 @@ class Place:
     def _look_at(self, starts: Starts) -> Look | None:
         if len(starts) == 1 and starts[0].kinked:
             starts = (self._along_cusp(starts[0]),)
-        fit = self._tried(starts, RACE_STEPS)
+        fit = self._tried(starts, PASSES)
         return None if fit is None else self._seen(fit, tuple(start.name for start in starts))
 
     def _tried(self, starts: Starts, steps: int) -> FirstSteps | None:
@@ -148,7 +150,7 @@ class Place:
         )
         apart = min(np.diff(places), default=0.0)
         best, least = start, self._tried((start,), 0)
-        for _ in range(RACE_STEPS):
+        for _ in range(ROUNDS):
             apart *= 0.5
             for factor in (math.exp(-apart), math.exp(apart)):
                 near = type(best).within_bounds(**best.values | {name: factor * start.values[name]})
