@@ -217,13 +217,11 @@ class Place:
         train, lefts = self.evidence.train, self.begun.left_um
         longest = int(np.argmax([len(left) for left in lefts]))
         t_s = train[longest].t_s[kept_samples(train, RACE_SAMPLES)[longest]]
-        shown = [
-            start
-            for kind in kinds
-            for form in forms_of(kind)
-            if form.fits_in(core)
-            for start in form.seen_in(t_s, lefts[longest])
-        ]
+        forms = [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
+        shown = [start for form in forms for start in form.seen_in(t_s, lefts[longest])]
+        # what a law of the rate changes is in proportion to the set's own δ2
+        rated = [form for form in forms if form.slot == "rate"]
+        shown += [start for form in rated for start in form.starts(self.evidence.scale)]
         # these stand for their forms: from elsewhere a step promises as much, of angles for instance,
         # and leads nowhere
         signed = self.signed(shown)

@@ -20,7 +20,9 @@ from rdpi_gym.diagnosis.beam.score import within
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import Tangents, effect_rows, or_none
 from rdpi_gym.identification.least_squares import BoolArray, signed_least_squares
+from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant import RDPI
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect, in_chain_order
 from rdpi_gym.support.arrays import Array
@@ -66,14 +68,19 @@ def _of_one_form(
 ) -> list[Signature]:
     chains = [in_chain_order([*effects, start]) for start in starts]
     place = next(k for k, effect in enumerate(chains[0]) if effect is starts[0])
+    unrated = starts[0].slot == "rate" and isinstance(core, RDPI) and core.delta2_s == 0.0
+    if unrated:  # no law of the rate changes anything at a δ2 of 0, which may rise with it
+        core = core.rated_at(data_scale(parts[0][0]).fastest_V_s) or core
     variants = [Variant(core, tuple(chain)) for chain in chains]
     both = [effect_rows(records, variants, place, RACE_SAMPLES) for records, _ in parts]
     left = np.concatenate([each for _, each in parts])
     found = []
     for start, *own in zip(starts, *both, strict=True):
-        rows = np.concatenate([each for part in own for each in part.rows])
+        rows, ways = np.concatenate([each for part in own for each in part.rows]), own[0].ways
         rows[:, -1] = left - rows[:, -1]
-        found.append(Signature(start, rows, parts[0][1].size, own[0].ways))
+        if unrated:
+            rows, ways = np.pad(rows, ((0, 0), (0, 1))), [*ways, (True, False)]
+        found.append(Signature(start, rows, parts[0][1].size, ways))
     return found
 
 

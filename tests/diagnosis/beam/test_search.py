@@ -144,7 +144,7 @@ def test_openings_of_records_that_begin_in_motion_are_left_out_and_those_of_othe
             train, name=f"from {k}", t_s=t[k:] - t[k], u_V=u[k:], y_um=y[k:],
             error_mask=np.zeros(0, dtype=np.bool_),
         )
-        for k in (650, 1150)
+        for k in (650, 1500)
     ]  # fmt: skip
     evidence = Evidence.of(Dataset("two begin in motion", (*moving, validation)))
     spared = without_unknown_past(evidence, begun(evidence))
