@@ -275,17 +275,9 @@ class Place:
 
     def clocks(self) -> list[Look]:
         """Looks at faults of the clock of each record, and of all records alike."""
-        names = dict.fromkeys(r.name for r in (*self.evidence.train, *self.evidence.validation))
-        wanted = [Clock("skew", "")]
-        if len(names) > 1:
-            wanted += [
-                Clock(kind, name, start)
-                for name in names
-                for kind, starts in CLOCK_STARTS.items()
-                for start in starts
-            ]
         present = {clock.name for clock in self.model.clocks}
-        looks = [self._clocked(clock) for clock in wanted if clock.name not in present]
+        wanted = [clock for clock in clock_starts(self.evidence) if clock.name not in present]
+        looks = [self._clocked(clock) for clock in wanted]
         return [look for look in looks if look is not None]
 
     def _clocked(self, start: Clock) -> Look | None:
@@ -326,6 +318,18 @@ class Place:
             change = np.subtract(*models)
             left = left + change - change.mean()
         return np.column_stack([rows[:, :-1], column - column.mean(), left])
+
+
+def clock_starts(evidence: Evidence) -> list[Clock]:
+    """Faults that the clocks of the records may have, each with the sizes that it is looked at from."""
+    names = dict.fromkeys(r.name for r in (*evidence.train, *evidence.validation))
+    of_one = [
+        Clock(kind, name, start)
+        for name in names
+        for kind, starts in CLOCK_STARTS.items()
+        for start in starts
+    ]
+    return [Clock("skew", ""), *(of_one if len(names) > 1 else [])]
 
 
 def exchanged(model: Model, scale: DataScale, offer: Offer) -> list[Model]:

@@ -29,7 +29,7 @@ from rdpi_gym.diagnosis.beam.expansion import (
     with_free_blocks,
 )
 from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
-from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS
+from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS, clock_starts
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.signatures import Signature
@@ -103,6 +103,9 @@ class Beam:
     on_visited: OnVisited | None = None
     visited: dict[Key, Visited] = field(default_factory=dict)
     accepted: set[Key] = field(default_factory=set)  # Sets that a chain of better moves leads to
+    settled: set[Key] = field(
+        default_factory=set
+    )  # Best ones, whose names and forms were exchanged
     refused: dict[str, str] = field(default_factory=dict)  # Kinds of core without a fit, and why
     _least: Visited | None = None  # Set at whose floor the sets are scored
 
@@ -145,10 +148,11 @@ class Beam:
         least = min(sets, key=lambda each: each.rmse_um)
         if least is not self._least:
             self._least, self.evidence = least, self._with_numerical(least)
-        offered, blocks = len(self.evidence.offer.effects), Blocks.of(least.lefts)
+        offered, blocks = len(self.evidence.offer.effects) + 1, Blocks.of(least.lefts)
+        faults = {clock.name for clock in clock_starts(self.evidence)}
         noise_um = self.evidence.floor_um(least.lefts)
         floors_um = self.evidence.floors_um(least.lefts)
-        return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, offered)
+        return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, offered, len(faults))
 
     def _with_numerical(self, least: Visited) -> Evidence:
         """Return the records with what their simulation leaves open, bounded by what a set leaves."""
@@ -196,7 +200,8 @@ class Scores:
     noise_um: float  # Noise floor (µm rms)
     floors_um: Array  # Of each record, with what its simulation leaves open
     seed: int
-    offered: int = len(CATALOGUE)  # Effects that a move may bring
+    offered: int = len(CATALOGUE) + 1  # Effects that a move may bring, and a clock fault
+    faults: int = 1  # Clock faults that the records may have
 
     @cached_property
     def draws(self) -> Array:
@@ -211,7 +216,7 @@ class Scores:
     @cached_property
     def weights(self) -> Array:
         """Weight of each set in each draw, ``(DRAWS, K)``."""
-        priors = [prior_of(one.model, self.offered) for one in self.sets]
+        priors = [self._prior(one) for one in self.sets]
         return drawn_weights(self.table, priors, self.draws)
 
     def of(self, one: Visited) -> Array:
@@ -249,9 +254,12 @@ class Scores:
         however much it gains there.
         """
         both = np.array([self.of(of), self.of(move) + self._bar(move)])
-        priors = [prior_of(one.model, self.offered) for one in (of, move)]
+        priors = [self._prior(one) for one in (of, move)]
         here, there = drawn_weights(both, priors, self.draws).mean(axis=0)
         return bool(there > here)
+
+    def _prior(self, one: Visited) -> float:
+        return prior_of(one.model, self.offered, self.faults)
 
     def _bar(self, one: Visited) -> float:
         """Return what the best phantom of a move gains (nats a block)."""
@@ -261,9 +269,9 @@ class Scores:
         return max(0.0, *(float(alone - each) for each in ghosts))
 
 
-def prior_of(model: Model, offered: int) -> float:
-    """Logarithm of the prior of a set: of its effects, their forms, and its kind of core."""
-    found = log_prior(len(model.names), offered)
+def prior_of(model: Model, offered: int, faults: int) -> float:
+    """Logarithm of the prior of a set: of its effects, their forms, its clock faults and its kind of core."""
+    found = log_prior(len(model.names), offered) - len(model.clocks) * math.log(faults)
     for effect in model.effects:
         if effect.name == Unknown.name:
             found -= math.log(len(FREE_BLOCKS))
@@ -294,6 +302,9 @@ def searched(
     for _ in range(EXPANDED):
         scores, best = _led(beam, stage)
         one = _next(beam, scores, best, done)
+        if one is None:
+            scores, best = _settled(beam, pool, stage)
+            one = _next(beam, scores, best, done)
         if one is None:  # where no name pays any more, and none is an initial memory
             spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
             if spared is not None:
@@ -326,14 +337,15 @@ def searched(
 
 def _settled(beam: Beam, pool: Pool, stage: Stage) -> tuple[Scores, Visited]:
     """Drop and exchange names and forms of the best set until no such set has a larger weight."""
-    before, (scores, best) = None, _led(beam, stage)
-    while best.key != before:
-        before = best.key
+    scores, best = _led(beam, stage)
+    while best.key not in beam.settled:
+        name = " ".join(best.key)
+        beam.settled.add(best.key)
         if scores.may_bend(best):
             forms = partial(in_other_forms, beam.evidence, best, pool)
-            beam.judge(stage(f"forms of {' '.join(before)}", beam.visited, forms))
+            beam.judge(stage(f"forms of {name}", beam.visited, forms))
         fewer = partial(dropped, beam.evidence, best, pool)
-        beam.judge(stage(f"less than {' '.join(before)}", beam.visited, fewer))
+        beam.judge(stage(f"less than {name}", beam.visited, fewer))
         scores, best = _led(beam, stage)
     return scores, best
 

@@ -213,8 +213,17 @@ def test_a_move_gains_what_its_best_phantom_does_not(phantom_um, better):
 def test_sets_that_leave_the_same_weigh_by_their_priors():
     bare, more = _visited(BARE, 5.0), _visited(Model(P10.hysteresis, (CREEP,)), 5.0)
     fewer, with_creep = _scores(bare, more).weights.mean(axis=0)
-    of_one_effect = len(CATALOGUE)  # sets
-    assert with_creep / fewer == pytest.approx(1.0 / of_one_effect)
+    of_one_name = len(CATALOGUE) + 1  # sets: an effect, or a clock fault
+    assert with_creep / fewer == pytest.approx(1.0 / of_one_name)
+
+
+def test_a_clock_fault_is_one_name_among_effects_and_each_record_and_kind_a_form_of_it():
+    fault = Clock("skew", "")
+    of_four = replace(
+        _scores(_visited(BARE, 5.0), _visited(replace(BARE, clocks=(fault,)), 5.0)), faults=4
+    )
+    fewer, with_fault = of_four.weights.mean(axis=0)
+    assert with_fault / fewer == pytest.approx(1.0 / (4.0 * (len(CATALOGUE) + 1)))
 
 
 def test_the_stage_of_a_lag_is_tried_before_the_plays_with_its_numbers(crept):
