@@ -536,11 +536,9 @@ def first_steps(
     samples: int | None = None,
     near: FirstSteps | None = None,
     least_um: float = math.inf,
-    settled: float = 0.0,
 ) -> FirstSteps:
     """Go a few steps of :func:`fit_joint`, to see which of several starts is worth the rest.
 
-    They end where one gains less than a `settled` share of what all have gained.
     The derivatives by the weights, dozens of lanes, are those of the start or of another one near
     by: the error that is returned is that of a model in which they are linear.
     """
@@ -559,18 +557,16 @@ def first_steps(
     if not is_hopeless():
         here = problem.light_pass(best, here)
     cost, damping, tried = here.least, 1e-3, 0
-    begun = cost
     while tried < steps and not is_hopeless():
         trial = problem.stepped(best, here, damping)
         there = problem.light_pass(trial, here)
         tried += 1
         trial_cost = there.least
         if trial_cost < cost:
-            small = max(_SMALL * cost, settled * (begun - trial_cost))
-            small -= cost - trial_cost
+            small = cost - trial_cost < _SMALL * cost
             best, here, cost = trial, there, trial_cost
             damping = max(damping / 10, 1e-9)
-            if small > 0.0:
+            if small:
                 break
         else:
             damping *= 10

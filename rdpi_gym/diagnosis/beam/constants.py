@@ -27,7 +27,7 @@ BEAM = 3
 LEAST_WEIGHT = 0.05
 EXPANDED = 18
 RACE_SAMPLES = 6_000
-SETTLED = 0.03
+RACE_STEPS = 6
 ROUNDS = 3
 FOLLOWED = 2
 LOOKED = 6
@@ -62,8 +62,8 @@ TABLE: tuple[Constant, ...] = (
              "the beam, for each of twice the effects that a plant of the studies has"),
     Constant("RACE_SAMPLES", RACE_SAMPLES, "samples", "in the squares of a first look",
              "a hundred for each number"),
-    Constant("SETTLED", SETTLED, "1", "share of all that a first look gained, below which a step ends it",
-             "what further steps of half the size each would gain as well"),
+    Constant("RACE_STEPS", RACE_STEPS, "steps", "of Gauss-Newton in a first look, at most",
+             "two to the first digits of each time constant of a creep"),
     Constant("ROUNDS", ROUNDS, "rounds", "of a refit with a clock fault, and of halvings about a cusp",
              "each takes the error to a tenth at least"),
     Constant("LOOKED", LOOKED, "effects", "that are looked at, of those that promise most", "the beam twice"),

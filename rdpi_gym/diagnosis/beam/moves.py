@@ -20,11 +20,10 @@ from rdpi_gym.diagnosis.beam.constants import (
     LEVEL,
     LOOKED,
     PAIRS,
-    PASSES,
     RACE_SAMPLES,
+    RACE_STEPS,
     REFITTED,
     ROUNDS,
-    SETTLED,
 )
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
 from rdpi_gym.diagnosis.beam.evidence import Clock, ClockKind, Evidence, Offer
@@ -99,7 +98,7 @@ class Place:
     def _steps(self, effects: Sequence[Effect], steps: int) -> FirstSteps:
         return first_steps(
             self.evidence.train, self.model.core, effects, steps, samples=RACE_SAMPLES,
-            near=self.begun, settled=SETTLED,
+            near=self.begun,
         )  # fmt: skip
 
     @cached_property
@@ -134,7 +133,7 @@ class Place:
     def _look_at(self, starts: Starts) -> Look | None:
         if len(starts) == 1 and starts[0].kinked:
             starts = (self._along_cusp(starts[0]),)
-        fit = self._tried(starts, PASSES)
+        fit = self._tried(starts, RACE_STEPS)
         return None if fit is None else self._seen(fit, tuple(start.name for start in starts))
 
     def _tried(self, starts: Starts, steps: int) -> FirstSteps | None:
