@@ -16,15 +16,17 @@
    driven by the command in reverse or of another record, less what its own columns explain
    (``decision``, ``models``). A chance would ask for a gain in many blocks: what shows in one is not drawn
    in a third of the draws, however large it is. First looks, of which no prior speaks, race by chance.
-4. The best few sets go on in parallel, each by every move: those that have a weight, and those that are
-   behind the best one by no more than it leaves. Which start of a form promises most beside a set is
-   linear algebra on columns that were simulated once (``signatures``). What promises most is followed
-   for a few steps, and of these looks the best are refitted, and whatever promised most (``moves``,
-   ``expansion``). In the set that leads, each name is exchanged against the others, too. A set goes on
-   while one effect more, were nothing left then, could make it weigh more than the best one.
+4. Best first: the set that weighs most goes on next, by every move, and after it those of the best few
+   that have a weight or are behind the best one by no more than it leaves. Which start of a form promises
+   most beside a set is linear algebra on columns that were simulated once (``signatures``), those of a law
+   of the rate beside the set itself. What promises most is followed for a few steps, and of these looks the
+   best are refitted, and whatever promised most (``moves``, ``expansion``). In the set that leads, each
+   name is exchanged against the others, too. A set goes on while one effect more, were nothing left then,
+   could make it weigh more than the best one.
 5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the
-   sets that have it. The best set is held against those with one name less, a richer form, or a stage at
-   the place of another name until none of them weighs more. A name is *found* from 90 % on and *likely*
+   sets that have it. The best set is held against those with one name less, the others then in richer
+   forms too, a richer form, or a stage under another name until none of them weighs more, and goes on
+   where it then may. A name is *found* from 90 % on and *likely*
    from 50; a name that a free block in its place beats in the bootstrap, or that takes less of the score
    than its set leaves above the floor, is a *stand-in* (``grades``): whatever leaves that may be its cause
    too.
