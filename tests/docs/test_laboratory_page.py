@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies" / "results" / "hidden"
 FOREIGN = ROOT / "studies" / "results" / "foreign"
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
-FIRST, SECOND = PAGE.split("`python -m benchmarks.foreign_effects`")
+SECOND, FIRST = PAGE.split("### The search before")
 
 
 def reached():
@@ -38,8 +38,10 @@ def test_the_figures_are_those_of_the_second_study():
     cases = pd.read_csv(FOREIGN / "cases.csv")
     for study, rows in cases[cases["study"] != "none"].groupby("study"):
         assert f"on {int((rows['additions'] > 0).sum())} of {len(rows)} |" in SECOND, study
-    assert len(cases) == 1000
-    assert "All thousand plants of seed 2027" in SECOND
+    assert f"first {len(cases)} of a thousand plants" in SECOND
+    assert "--seed 2031" in SECOND
+    found = 100.0 * (cases["wrong_found"] > 0).mean()
+    assert f"found on {found:.1f} % of them" in SECOND
     said = re.search(r"left is true .*\((\d+ of \d+)\)", table)
     assert f"| {said[1]} | |" in SECOND
 
