@@ -24,6 +24,7 @@ from rdpi_gym.diagnosis.features.noise import (
 from rdpi_gym.diagnosis.notices import Statement
 from rdpi_gym.diagnosis.preprocessing import Finding, inspect, unknown_past
 from rdpi_gym.diagnosis.suitability import falls, thinned, turned
+from rdpi_gym.identification.joint import kept_samples
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
 from rdpi_gym.identification.scale import data_scale
@@ -110,8 +111,8 @@ class Evidence:
     # By record, the samples at its beginning whose past nobody recorded: of those read, and in full
     openings: Mapping[str, tuple[BoolArray, BoolArray]]
     reads_fewer: str | None = None  # Which samples a search reads, where it does not read all
-    # What the simulation leaves open of each record, those to fit first (µm rms)
-    numerical_um: tuple[float, ...] = ()
+    # What the simulation leaves open at each sample, by record, those to fit first (µm²)
+    numerical_um2: tuple[Array, ...] = ()
 
     @classmethod
     def of(cls, dataset: Dataset, offer: Offer | None = None) -> Evidence:
@@ -192,13 +193,19 @@ class Evidence:
         """Return the noise floor (µm rms) and where the figure comes from."""
         return floor_from(self.noise, rough_parts(lefts), slowness(lefts))
 
-    def floors_um(self, lefts: Sequence[Array]) -> Array:
-        """Return the floor of each record (µm rms): the noise at most, and what the simulation leaves open."""
-        numerical_um = self.numerical_um or (0.0,) * len(lefts)
+    def floors_um(self, lefts: Sequence[Array], samples: int) -> list[Array]:
+        """Return the floor at each sample that so many in all keep (µm), by record.
+
+        The noise at most, and what the simulation leaves open there.
+        """
         shown = rough_parts(lefts), slowness(lefts)
         floor_um, _ = floor_from(self.noise, *shown)
         most_um = (1.0 + _SURE * floor_spread(self.noise, *shown)) * floor_um
-        return np.hypot(most_um, numerical_um)
+        if not self.numerical_um2:
+            return [np.full(left.size, most_um) for left in lefts]
+        kept = [*kept_samples(self.train, samples), *kept_samples(self.validation, samples)]
+        pairs = zip(self.numerical_um2, kept, strict=True)
+        return [np.sqrt(most_um**2 + opened[index]) for opened, index in pairs]
 
 
 def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:

@@ -20,6 +20,7 @@ from rdpi_gym.diagnosis.beam.constants import (
     LEVEL,
     LOOKED,
     PAIRS,
+    PASSES,
     RACE_SAMPLES,
     RACE_STEPS,
     REFITTED,
@@ -44,6 +45,7 @@ from rdpi_gym.identification.joint import (
     Tangents,
     caught_with,
     first_steps,
+    fit_joint,
     kept_samples,
     or_none,
     tangents,
@@ -101,16 +103,22 @@ class Place:
             near=self.begun,
         )  # fmt: skip
 
+    def _refit(self, effects: Sequence[Effect]) -> FirstSteps:
+        """Refit with derivatives by the weights of its own, which are linearised where it ends."""
+        train, core = self.evidence.train, self.model.core
+        fit = fit_joint(train, core, effects, PASSES, samples=RACE_SAMPLES).variant
+        return first_steps(train, fit.hysteresis, fit.effects, 0, samples=RACE_SAMPLES)
+
     @cached_property
     def foresight(self) -> Foresight:
         """The set linearised on all records."""
         return Foresight(*self._linear, of_experiment(self.begun.variant))
 
     @cached_property
-    def _blocks(self) -> tuple[Blocks, Array, float]:
-        """Blocks of what the set leaves, the floor of each record (µm rms), and the mean score."""
+    def _blocks(self) -> tuple[Blocks, list[Array], float]:
+        """Blocks of what the set leaves, the floor of each sample (µm), and the mean score."""
         lefts = self.foresight.lefts
-        blocks, floors_um = Blocks.of(lefts), self.evidence.floors_um(lefts)
+        blocks, floors_um = Blocks.of(lefts), self.evidence.floors_um(lefts, RACE_SAMPLES)
         return blocks, floors_um, float(blocks.scores(lefts, floors_um).mean())
 
     def _gain(self, lefts: Sequence[Array]) -> float:
@@ -138,7 +146,9 @@ class Place:
 
     def _tried(self, starts: Starts, steps: int) -> FirstSteps | None:
         every = in_chain_order([*self.model.effects, *starts])
-        fit = or_none(partial(self._steps, every, steps), every)
+        still = any(start.stands_still for start in starts)
+        make = partial(self._refit, every) if still else partial(self._steps, every, steps)
+        fit = or_none(make, every)
         return fit if fit is not None and math.isfinite(fit.train_rmse_um) else None
 
     def _along_cusp(self, start: Effect) -> Effect:
@@ -209,28 +219,47 @@ class Place:
         return {name: forms for name, forms in found.items() if forms[0][0] > 0.0}
 
     @cached_property
+    def _left(self) -> list[tuple[Array, Array]]:
+        """Times (s) of each record that is fitted, and what the set leaves there (µm)."""
+        records = self.evidence.train
+        kept = kept_samples(records, RACE_SAMPLES)
+        parts = zip(records, kept, self.begun.left_um, strict=True)
+        return [(record.t_s[index], left) for record, index, left in parts]
+
+    @cached_property
     def _new(self) -> dict[str, list[tuple[float, Promise]]]:
         names, core = self.model.names, type(self.model.core)
         effects = self.evidence.offer.effects
         kinds = [kind for name, kind in effects.items() if name not in names]
-        train, lefts = self.evidence.train, self.begun.left_um
-        longest = int(np.argmax([len(left) for left in lefts]))
-        t_s = train[longest].t_s[kept_samples(train, RACE_SAMPLES)[longest]]
         forms = [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
-        shown = [start for form in forms for start in form.seen_in(t_s, lefts[longest])]
+        shown = [
+            start for form in forms for t_s, left in self._left for start in form.seen_in(t_s, left)
+        ]
         # what a law of the rate changes is in proportion to the set's own δ2
         rated = [form for form in forms if form.slot == "rate"]
         shown += [start for form in rated for start in form.starts(self.evidence.scale)]
-        # these stand for their forms: from elsewhere a step promises as much, of angles for instance,
-        # and leads nowhere
         signed = self.signed(shown)
-        names |= {each.start.name for each in signed}
+        # of a wave over the clock a step from another angle promises as much, and leads nowhere
+        stand = [each.start for each in signed if each.start.clocked or each.start.slot == "rate"]
+        names |= {start.name for start in stand}
         own = [each for each in self.offered if each.start.name not in names]
         return self._promised([*signed, *own])
 
     def additions(self) -> list[Starts]:
-        """Starts of the effects that promise most, of every form: a step says little of a curved one."""
-        return [(own.start,) for forms in self._first for _, own in forms]
+        """Starts of the effects that promise most, of every form, and of those that no step tells.
+
+        A step says little of a curved form, and nothing of an effect that stands still.
+        """
+        promised = [own.start for forms in self._first for _, own in forms]
+        names = self.model.names | {start.name for start in promised}
+        kinds = [kind for name, kind in self.evidence.offer.effects.items() if name not in names]
+        still = [
+            start
+            for kind in kinds
+            if kind.stands_still and kind.fits_in(type(self.model.core))
+            for start in kind.starts(self.evidence.scale)
+        ]
+        return [(start,) for start in (*promised, *still)]
 
     def names(self) -> list[Starts]:
         """Start of each of these effects that promises most."""
@@ -418,6 +447,6 @@ def bearable(base: Look, looks: Sequence[Look], evidence: Evidence) -> list[Look
 
 def _scores(base: Look, looks: Sequence[Look], evidence: Evidence) -> tuple[Array, Array]:
     """Score of each block where looks begin, ``(B,)``, and of each look, ``(M, B)``."""
-    blocks, floors_um = Blocks.of(base.lefts), evidence.floors_um(base.lefts)
+    blocks, floors_um = Blocks.of(base.lefts), evidence.floors_um(base.lefts, RACE_SAMPLES)
     scores = np.array([blocks.scores(look.lefts, floors_um) for look in looks])
     return blocks.scores(base.lefts, floors_um), scores

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,15 +28,20 @@ def without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
 
     Refitted without them, the set misses these openings by more than as much of the rest of their
     records; it fits the rest better by the one decision, beyond what leaving out as many samples at
-    the records' ends gains, their phantom; and an initial memory that all records share takes less of that
-    than it leaves.
+    the records' ends gains, their phantom; and an initial memory that all records share, that of the
+    set or the best one beside it, takes less of the openings than it leaves of them and of the rest.
     """
     return or_none(partial(_without_unknown_past, evidence, of), of.model.effects)
 
 
 def _without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
-    if _MEMORY in of.model.names:
-        return None
+    own = of if _MEMORY in of.model.names else None
+    if own is not None:
+        effects = tuple(effect for effect in of.model.effects if effect.name != _MEMORY)
+        bare = refitted(evidence, replace(of.model, effects=effects), of.parent)
+        if bare is None:
+            return None
+        of = bare
     names = [r.name for r in (*evidence.train, *evidence.validation)]
     names = [name for name in dict.fromkeys(names) if name in evidence.openings]
     without = refitted(evidence.spared(names), of.model) if names else None
@@ -50,7 +56,7 @@ def _without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
     if any(one is None for one in both):
         return None
     without, phantom = (one for one in both if one is not None)
-    memory = _remembering(evidence, of)
+    memory = own or _remembering(evidence, of)
     floor_um = evidence.floor_um(without.lefts)
     here, there, least = (
         _scores(evidence, one, spoilt, floor_um) for one in (of, phantom, without)
@@ -60,8 +66,9 @@ def _without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
         return None
     if memory is not None:
         kept = _scores(evidence, memory, spoilt, floor_um)
-        if float((here - kept).mean()) > float((kept - least).mean()):
-            return None  # it takes more than it leaves
+        missed, left = (_opened(evidence, one, spoilt) for one in (without, memory))
+        if float((missed - left).sum()) > float(left.sum()) + float((kept - least).sum()):
+            return None
     return spared
 
 
@@ -97,6 +104,18 @@ def _scores(evidence: Evidence, of: Visited, names: Collection[str], floor_um: f
     return np.log(np.maximum(np.concatenate(found) / floor_um**2, 1.0))
 
 
+def _opened(evidence: Evidence, of: Visited, names: Collection[str]) -> Array:
+    """Score blocks of the openings of some records, over what is left of the rest of each."""
+    parts = [own for name, own in _parts(evidence, of).items() if name in names]
+    ratios = [_mean_squares(opened, _blocks(opened, rest)) / np.var(rest) for opened, rest in parts]
+    return np.asarray(np.log(np.maximum(np.concatenate(ratios), 1.0)))
+
+
+def _blocks(opened: Array, rest: Array) -> int:
+    """Blocks of an opening, as long as those of the rest of its record."""
+    return max(round(MOST_BLOCKS * opened.size / (opened.size + rest.size)), 1)
+
+
 def _mean_squares(left: Array, blocks: int) -> Array:
     """Mean square of blocks of a residual (µm²)."""
     return Blocks((min(blocks, left.size),)).mean_squares([left])
@@ -104,7 +123,7 @@ def _mean_squares(left: Array, blocks: int) -> Array:
 
 def _stands_out(opened: Array, rest: Array) -> float:
     """Return the chance that as many blocks of the rest leave as much as those of an opening."""
-    count = max(round(MOST_BLOCKS * opened.size / (opened.size + rest.size)), 1)
+    count = _blocks(opened, rest)
     usual = _mean_squares(rest, max(MOST_BLOCKS - count, 1))
     drawn = np.random.default_rng(0).choice(usual, (DRAWS, count)).mean(axis=1)
     return float(np.mean(drawn >= np.mean(opened**2)))
@@ -112,7 +131,7 @@ def _stands_out(opened: Array, rest: Array) -> float:
 
 def _remembering(evidence: Evidence, of: Visited) -> Visited | None:
     """Return a set with the initial memory that all records share, in its best form."""
-    if _MEMORY in of.model.names or _MEMORY not in evidence.offer.effects:
+    if _MEMORY not in evidence.offer.effects:
         return None
     place = Place(evidence.mended(of.model.clocks), of.model)
     forms = [f for f in forms_of(evidence.offer.effects[_MEMORY]) if f.fits_in(type(of.model.core))]

@@ -61,14 +61,14 @@ class Blocks:
             found.append(np.add.reduceat(left**2, edges[:-1]) / np.diff(edges))
         return np.concatenate(found)
 
-    def scores(self, lefts: Sequence[Array], floors_um: Array) -> Array:
-        """Return the score of each block (nats), ``(B,)``: zero at the floor of its record and below."""
+    def scores(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
+        """Return the score of each block (nats), ``(B,)``: zero at the floor of its samples and below."""
         return np.log(np.maximum(self.ratios(lefts, floors_um), 1.0))
 
-    def ratios(self, lefts: Sequence[Array], floors_um: Array) -> Array:
-        """Return the mean square of each block over that of its record's floor, ``(B,)``."""
-        floors_um2 = np.repeat(np.maximum(floors_um**2, 1e-300), self.counts)
-        return np.asarray(self.mean_squares(lefts) / floors_um2)
+    def ratios(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
+        """Return the mean square of each block in units of the floor of each sample, ``(B,)``."""
+        pairs = zip(lefts, floors_um, strict=True)
+        return self.mean_squares([left / np.maximum(floor, 1e-150) for left, floor in pairs])
 
 
 def squares(lefts: Iterable[Array]) -> float:

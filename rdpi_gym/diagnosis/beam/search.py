@@ -13,6 +13,7 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import (
     BEAM,
     EXPANDED,
+    FIT_SAMPLES,
     LEAST_WEIGHT,
     TEMPERATURE,
 )
@@ -33,7 +34,7 @@ from rdpi_gym.diagnosis.beam.moves import FREE_BLOCKS, clock_starts
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.signatures import Signature
-from rdpi_gym.diagnosis.search.verdict import numerical_floor
+from rdpi_gym.diagnosis.search.verdict import open_squares
 from rdpi_gym.identification.cores import first_fit
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint, or_none
@@ -103,9 +104,8 @@ class Beam:
     on_visited: OnVisited | None = None
     visited: dict[Key, Visited] = field(default_factory=dict)
     accepted: set[Key] = field(default_factory=set)  # Sets that a chain of better moves leads to
-    settled: set[Key] = field(
-        default_factory=set
-    )  # Best ones, whose names and forms were exchanged
+    # Best ones, whose names and forms were exchanged
+    settled: set[Key] = field(default_factory=set)
     refused: dict[str, str] = field(default_factory=dict)  # Kinds of core without a fit, and why
     _least: Visited | None = None  # Set at whose floor the sets are scored
 
@@ -151,18 +151,19 @@ class Beam:
         offered, blocks = len(self.evidence.offer.effects) + 1, Blocks.of(least.lefts)
         faults = {clock.name for clock in clock_starts(self.evidence)}
         noise_um = self.evidence.floor_um(least.lefts)
-        floors_um = self.evidence.floors_um(least.lefts)
+        floors_um = self.evidence.floors_um(least.lefts, FIT_SAMPLES)
         return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, offered, len(faults))
 
     def _with_numerical(self, least: Visited) -> Evidence:
         """Return the records with what their simulation leaves open, bounded by what a set leaves."""
         variant = Variant(least.model.core, least.model.effects)
         here = self.evidence.mended(least.model.clocks)
-        numerical_um = [
-            min(_open_um(variant, record), float(np.sqrt(np.mean(left**2))))
-            for record, left in zip((*here.train, *here.validation), least.lefts, strict=True)
-        ]
-        return replace(self.evidence, numerical_um=tuple(numerical_um))
+        records = (*here.train, *here.validation)
+        opened = [_open_squares(variant, record) for record in records]
+        for record, own, left in zip(records, opened, least.lefts, strict=True):
+            mean = float(own[record.error_mask].mean())
+            own *= min(1.0, float(np.mean(left**2)) / max(mean, 1e-300))
+        return replace(self.evidence, numerical_um2=tuple(opened))
 
     def judge(self, found: Sequence[Visited]) -> None:
         """Add visited sets, and accept those of them that are better."""
@@ -181,14 +182,15 @@ class Beam:
         self.accepted.update(key for key in fewer if key in self.visited)
 
 
-def _open_um(variant: Variant[Core], record: Record) -> float:
-    """Error that the simulation of a record leaves open (µm rms): between its samples, and thresholds."""
-    core, numerical_um = variant.hysteresis, numerical_floor(variant, [record]).borne_um
+def _open_squares(variant: Variant[Core], record: Record) -> Array:
+    """Squares of what a simulation leaves open at each sample (µm²): between samples, and thresholds."""
+    core, found = variant.hysteresis, open_squares(variant, record)
     if not isinstance(core, ThresholdCore) or core.n < 3:
-        return numerical_um
+        return found
     both = simulate_effects([variant, replace(variant, hysteresis=core.blurred())], record)
-    change = (both[:, 1] - both[:, 0])[record.error_mask]
-    return math.hypot(numerical_um, float(np.std(change)) / math.sqrt(_TEETH))
+    change, mask = both[:, 1] - both[:, 0], record.error_mask
+    found[mask] += (change[mask] - change[mask].mean()) ** 2 / _TEETH
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +200,7 @@ class Scores:
     sets: tuple[Visited, ...]
     blocks: Blocks
     noise_um: float  # Noise floor (µm rms)
-    floors_um: Array  # Of each record, with what its simulation leaves open
+    floors_um: Sequence[Array]  # Of each sample, by record, with what its simulation leaves open
     seed: int
     offered: int = len(CATALOGUE) + 1  # Effects that a move may bring, and a clock fault
     faults: int = 1  # Clock faults that the records may have
@@ -305,7 +307,7 @@ def searched(
         if one is None:
             scores, best = _settled(beam, pool, stage)
             one = _next(beam, scores, best, done)
-        if one is None:  # where no name pays any more, and none is an initial memory
+        if one is None:  # where no name pays any more
             spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)

@@ -68,9 +68,10 @@ def _of_one_form(
 ) -> list[Signature]:
     chains = [in_chain_order([*effects, start]) for start in starts]
     place = next(k for k, effect in enumerate(chains[0]) if effect is starts[0])
-    unrated = starts[0].slot == "rate" and isinstance(core, RDPI) and core.delta2_s == 0.0
-    if unrated:  # no law of the rate changes anything at a δ2 of 0, which may rise with it
-        core = core.rated_at(data_scale(parts[0][0]).fastest_V_s) or core
+    unrated = False
+    if starts[0].slot == "rate" and isinstance(core, RDPI) and core.delta2_s == 0.0:
+        # no law of the rate changes anything at a δ2 of 0, which may rise with it
+        core, unrated = core.rated_at(data_scale(parts[0][0]).fastest_V_s), True
     variants = [Variant(core, tuple(chain)) for chain in chains]
     both = [effect_rows(records, variants, place, RACE_SAMPLES) for records, _ in parts]
     left = np.concatenate([each for _, each in parts])

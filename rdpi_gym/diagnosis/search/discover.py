@@ -193,6 +193,7 @@ def add_effect(dataset: Dataset, kind: type[Effect], request: Request) -> Search
     return conclude(search.ended("addition", course, asked))
 
 
+@in_one_thread
 def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> SearchResult:
     """Take an effect out of a model because the user says so, and refit everything."""
     began = time.perf_counter()
@@ -207,6 +208,7 @@ def remove_effect(dataset: Dataset, given: PlantModel[Any], name: str) -> Search
     return conclude(ended(course, kind="removal", began=began, given=given, removed=(name,)))
 
 
+@in_one_thread
 def portray(
     dataset: Dataset,
     given: PlantModel[Any] | None = None,

@@ -87,16 +87,9 @@ def numerical_floor(variant: Variant[Core], records: Sequence[Record]) -> Numeri
         return NumericalFloor(0.0, 0.0, fastest_hz, jittered_um=jittered_um, off_s=off_s)
     squares, pulls, counts = np.zeros((len(records), 3)), np.zeros((len(records), 3)), []
     for k, record in enumerate(records):
-        mask, simulated = record.error_mask, simulate_effects([variant], record)[:, 0]
-        changes = (
-            simulate_between(variant, record, 2) - simulated,
-            *_changed(variant, record, held_about, turned_between),
-        )
-        error = (record.y_um - simulated)[mask]
-        error -= error.mean()
-        squares[k] = [float(np.var(change[mask])) for change in changes]
-        pulls[k] = [float(np.mean(change[mask] * error)) for change in changes]
-        counts.append(int(mask.sum()))
+        changes, error = _changes_and_error(variant, record)
+        squares[k], pulls[k] = changes.var(axis=1), changes @ error / max(error.size, 1)
+        counts.append(error.size)
     worst = int(np.argmax(np.sum(squares, axis=1)))
     step, held, turns = np.sqrt(np.average(squares, axis=0, weights=counts)).tolist()
     fastest_hz = 1.0 / records[worst].ts_s
@@ -106,6 +99,37 @@ def numerical_floor(variant: Variant[Core], records: Sequence[Record]) -> Numeri
     shown_um2 += _borne_out(weights[~jumps] @ pulls[~jumps], weights[~jumps] @ squares[~jumps])
     shown_um = math.sqrt(float(shown_um2 @ [_WHOLE**2, 1.0, 1.0]))
     return NumericalFloor(_WHOLE * step, held, fastest_hz, turns, jittered_um, off_s, shown_um)
+
+
+def open_squares(variant: Variant[Core], record: Record) -> Array:
+    """Return what the simulation of a record leaves open at each of its samples (µm²).
+
+    Its mean over the samples that count is the square of :attr:`NumericalFloor.borne_um`: where a
+    command jumps it is large, and next to nothing elsewhere.
+    """
+    found = np.zeros(record.u_V.size)
+    if record.jitter_s > 0.0:
+        found += _shaken(variant, record) ** 2
+    if variant.effects:
+        mask, (changes, error) = record.error_mask, _changes_and_error(variant, record)
+        squares, pulls = changes.var(axis=1), changes @ error / max(error.size, 1)
+        every = _jumps(record.u_V) or not error.size
+        borne = squares if every else _borne_out(pulls, squares)
+        weights = borne / np.maximum(squares, 1e-300) * [_WHOLE**2, 1.0, 1.0]
+        about = changes - changes.mean(axis=1, keepdims=True)
+        found[mask] += weights @ about**2
+    return found
+
+
+def _changes_and_error(variant: Variant[Core], record: Record) -> tuple[Array, Array]:
+    """Return what half the step and other commands between samples change, and the error (µm)."""
+    mask, simulated = record.error_mask, simulate_effects([variant], record)[:, 0]
+    changes = [
+        simulate_between(variant, record, 2) - simulated,
+        *_changed(variant, record, held_about, turned_between),
+    ]
+    error = (record.y_um - simulated)[mask]
+    return np.array([change[mask] for change in changes]), error - error.mean()
 
 
 def _jumps(u_V: Array) -> bool:

@@ -74,6 +74,7 @@ class Backlash(Effect):
         Look("small_loop", "Reversals while every play sticks", "small-triangle", 0.5),
         Look("left_over_command", "What a refit leaves of minor loops", "minor-loops"),
     )
+    stands_still = True
     block = staticmethod(backlash_block)
     state_rows = rows(1)  # last output
 

@@ -151,6 +151,9 @@ class Effect(ABC):
     kinked
         Parameter along which the error has a cusp, so that no gradient leads to its least value: a
         fit searches along it; None unless stated.
+    stands_still
+        Its output stands still at times while what enters moves, so that what a refit gains shows in
+        no step from a start; False unless stated.
     clocked
         Row 0 of its state counts the samples since t = 0, so a stage that begins at the time t
         starts from t / Ts there; False unless stated.
@@ -198,6 +201,7 @@ class Effect(ABC):
     block: ClassVar[Block]
     picture: ClassVar[Picture | None] = None
     kinked: ClassVar[str | None] = None
+    stands_still: ClassVar[bool] = False
     clocked: ClassVar[bool] = False
     carried: ClassVar[Mapping[str, int]] = MappingProxyType({})
     weighs_plays: ClassVar[bool] = False

@@ -7,12 +7,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+import numpy as np
+
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Extension, Look, Picture, parameter, rows
 from rdpi_gym.plant.effects.linear import linear_block, pack_modes
+from rdpi_gym.support.arrays import Array
 
 _PERIODS = 10.0
 """Least periods of a mode in a record; a slower one is a drift there."""
+_BAND = 0.06
+"""Logarithm of the ratio of the ends of a band of a spectrum: about the width of a mode (1)."""
+_PEAKS = 3
+"""Peaks of a spectrum that may be a mode: that of the hum and that of a triangle may be higher."""
 
 
 def _lag_s(f0_hz: float, damping: float) -> float:
@@ -90,6 +97,23 @@ class Resonance(Effect):
         count = max(math.ceil(math.log(fastest / slowest, 1.5)), 1)
         modes = (cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(count))
         return tuple(dict.fromkeys(modes))  # the bound stands for all that are slower
+
+    @classmethod
+    def seen_in(cls, t_s: Array, left_um: Array) -> tuple[Self, ...]:
+        """The highest peaks of its spectrum over that of the octaves around them."""
+        n, ts_s = left_um.size, float(np.median(np.diff(t_s)))
+        f_hz = np.fft.rfftfreq(n, ts_s)
+        power = np.abs(np.fft.rfft(left_um * np.hanning(n))) ** 2
+        edges_hz = np.exp(np.arange(math.log(_PERIODS / (n * ts_s)), math.log(0.25 / ts_s), _BAND))
+        edges = np.unique(np.searchsorted(f_hz, edges_hz))
+        if edges.size < 2:
+            return ()
+        level = np.log(np.add.reduceat(power, edges)[:-1] / np.diff(edges) + 1e-300)
+        beside = round(math.log(2.0) / _BAND)
+        around = [np.median(level[max(k - beside, 0) : k + beside + 1]) for k in range(level.size)]
+        highest = np.argsort(around - level)[:_PEAKS]
+        peaks_hz = np.sqrt(f_hz[edges[:-1]] * f_hz[edges[1:]])[highest]
+        return tuple(cls.within_bounds(f0_hz=float(f0), damping=0.05) for f0 in peaks_hz)
 
     @property
     def slow_lag_s(self) -> float:
