@@ -7,7 +7,13 @@ import pytest
 
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.search.setting import Setting
-from rdpi_gym.diagnosis.search.verdict import NumericalFloor, held_about, judge, numerical_floor
+from rdpi_gym.diagnosis.search.verdict import (
+    NumericalFloor,
+    held_about,
+    judge,
+    numerical_floor,
+    open_squares,
+)
 from rdpi_gym.diagnosis.words import text_of
 from rdpi_gym.identification.jacobian import Variant, simulate_between, simulate_effects
 from rdpi_gym.identification.scale import data_scale
@@ -127,3 +133,17 @@ def test_an_effect_too_fast_for_the_records_is_named_with_the_rate_that_would_do
         "Sample faster than 10000 Hz before anything more is concluded: resonance (1000 Hz) is too "
         "fast for records of 5000 Hz."
     )
+
+
+def test_what_a_simulation_leaves_open_lies_where_the_command_jumps():
+    mode = Variant(P10.hysteresis, (CATALOGUE["resonance"](300.0, 0.1),))
+    t = np.arange(4000) * 2e-4
+    u = np.repeat([0.0, 30.0, 5.0, 20.0], 1000)
+    still = Record("steps", t, u, np.zeros_like(u), ts_s=2e-4)
+    steps = replace(still, y_um=simulate_effects([mode], still)[:, 0])
+    opened = open_squares(mode, steps)
+    assert np.mean(opened) == pytest.approx(numerical_floor(mode, [steps]).borne_um ** 2)
+    near = np.zeros(t.size, dtype=np.bool_)
+    for jump in (1000, 2000, 3000):
+        near[jump - 1 : jump + 100] = True  # until the mode has died away
+    assert opened[near].sum() > 0.99 * opened.sum()

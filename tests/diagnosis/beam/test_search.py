@@ -93,6 +93,18 @@ def test_what_promises_most_beside_the_core_is_the_effect_that_is_there(crept):
     assert np.std(np.concatenate(seen.lefts)) < 0.3 * base.rmse_um
 
 
+def test_a_backlash_is_looked_at_though_no_step_from_a_start_promises_it():
+    hidden = replace(P10, effects=(CATALOGUE["backlash"](1.0),))
+    evidence = Evidence.of(Dataset("backlash is hidden", tuple(_records(hidden))))
+    base = begun(evidence)
+    place = Place(evidence, base.model, offered(evidence, base))
+    assert ("backlash",) not in {(start.name,) for (start,) in place.names()}
+    looks = [place.look_at(starts) for starts in place.additions() if starts[0].name == "backlash"]
+    assert base.rmse_um > 0.017
+    assert all(np.std(np.concatenate(look.lefts)) < 0.011 for look in looks if look)  # the noise
+    assert any(looks)
+
+
 def test_the_drop_of_an_effect_that_is_there_is_not_borne_and_the_best_look_of_a_name_goes_on(
     crept,
 ):
@@ -152,6 +164,26 @@ def test_openings_of_records_that_begin_in_motion_are_left_out_and_those_of_othe
     assert begun(spared).rmse_um < 0.5 * begun(evidence).rmse_um
     sound = Evidence.of(Dataset("all begin at rest", (train, validation)))
     assert without_unknown_past(sound, begun(sound)) is None
+
+
+def test_a_memory_that_leaves_its_opening_above_the_rest_gives_way_to_leaving_it_out():
+    train, validation = _records(P10)
+    t = np.arange(2400) * TS_S
+    u = 45.0 * np.sin(2.0 * np.pi * 0.5 * t) + 10.0 * np.sin(2.0 * np.pi * 2.3 * t)
+    y = Plant(P10, TS_S).simulate(u) + 0.01 * np.random.default_rng(9).normal(size=t.size)
+    moving = replace(
+        train,
+        t_s=t[650:] - t[650],
+        u_V=u[650:],
+        y_um=y[650:],
+        error_mask=np.zeros(0, dtype=np.bool_),
+    )
+    pasts = CATALOGUE["initial_memory"]
+    for record, past, gives_way in ((moving, pasts(5.0), True), (train, pasts(5.0), False)):
+        evidence = Evidence.of(Dataset("one record", (record, validation)))
+        base = begun(evidence)
+        remembering = refitted(evidence, replace(base.model, effects=(past,)), base.key)
+        assert (without_unknown_past(evidence, remembering) is not None) == gives_way
 
 
 def test_a_clock_that_leaves_the_floats_is_a_set_less_and_not_the_end(crept):

@@ -275,3 +275,16 @@ def test_every_mode_that_the_sampling_shows_lies_near_a_start():
     modes = np.geomspace(0.01 / ts, 0.25 / ts, 200)
     nearest = np.abs(np.log(modes[:, None] / starts)).min(axis=1)
     assert nearest.max() < np.log(1.25)
+
+
+@over("low_um", [0.0, 3.0])
+def test_a_mode_that_rings_is_the_highest_peak_of_a_residual_over_its_surroundings(low_um):
+    t = np.arange(6000) * 1e-4
+    left = low_um * np.sin(2 * np.pi * 10.0 * t) + 0.1 * np.random.default_rng(0).normal(
+        size=t.size
+    )
+    for corner in 0.05 + 0.1 * np.arange(5):
+        after = np.maximum(t - corner, 0.0)
+        left += np.exp(-0.05 * W0 * after) * np.sin(W0 * after)
+    first, *_ = CATALOGUE["resonance"].seen_in(t, left)
+    assert first.f0_hz == pytest.approx(700.0, rel=0.05)
