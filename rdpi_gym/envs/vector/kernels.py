@@ -206,41 +206,36 @@ def _show(n: int, at: int, size: int, observed: Floats32, observation: Floats32)
         shown[i] = last[i]
 
 
+# These take addresses: an array that is handed to an intrinsic has its references counted, atomically.
 @intrinsic
-def _copy(typing: Any, to: Any, first: Any, source: Any, begin: Any, count: Any) -> tuple[Any, Any]:
-    """Copy of so many float32 as one block of memory."""
+def _copy(typing: Any, to: Any, source: Any, count: Any) -> tuple[Any, Any]:
+    """Copy of so many bytes from one address to another."""
 
     def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        ends = [
-            builder.gep(context.make_array(kind)(context, builder, array).data, [place])
-            for kind, array, place in zip(
-                signature.args[:4:2], values[:4:2], values[1:4:2], strict=True
-            )
-        ]
-        cgutils.raw_memcpy(builder, *ends, values[4], 4)
+        ends = [builder.inttoptr(address, _BYTES) for address in values[:2]]
+        cgutils.raw_memcpy(builder, *ends, values[2], 1)
         return context.get_dummy_value()
 
-    return types.none(to, types.intp, source, types.intp, types.intp), build
+    return types.none(types.intp, types.intp, types.intp), build
 
 
 @intrinsic
-def _await_write(typing: Any, to: Any, place: Any) -> tuple[Any, Any]:
-    """Fetch of the cache line of a place that is written soon; beyond the array's end it is nothing."""
+def _await_write(typing: Any, address: Any) -> tuple[Any, Any]:
+    """Fetch of the cache line at an address that is written soon; beyond what a process has it is nothing."""
 
     def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, values[0])
-        line = builder.bitcast(builder.gep(array.data, [values[1]]), _BYTES)
+        line = builder.inttoptr(values[0], _BYTES)
         kind = ir.FunctionType(ir.VoidType(), [_BYTES, *[ir.IntType(32)] * 3])
         fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
         builder.call(fetch, [line, *(ir.Constant(ir.IntType(32), n) for n in (1, 3, 1))])
         return context.get_dummy_value()
 
-    return types.none(to, types.intp), build
+    return types.none(types.intp), build
 
 
 _BYTES = ir.IntType(8).as_pointer()
-# Floats of a cache line, and how far ahead lines are fetched: the latency of a shared cache.
-_LINE, _AHEAD = 16, 1024
+# Bytes of a float, of a cache line, and how far ahead lines are fetched: the latency of a shared cache.
+_FLOAT, _LINE, _AHEAD = 4, 64, 4096
 
 
 @njit(cache=True)
@@ -248,6 +243,21 @@ def _slide_past(n: int, fields: int, past: Floats32) -> None:
     room = SLIDE * fields
     for i in range(past.shape[1] - room - 1, -1, -1):
         past[n, room + i] = past[n, i]
+
+
+@njit(cache=True)
+def _keep(
+    n: int,
+    begin: int,
+    room: int,
+    at: int,
+    size: int,
+    lanes: int,
+    observed: Floats32,
+    past: Floats32,
+) -> None:
+    for b in range(lanes):
+        past[n, begin + b * room] = observed[n, at + b * size]
 
 
 @njit(cache=True)
@@ -260,16 +270,19 @@ def show_with_past(
     size, room = (observed.shape[1] - SLIDE) // width, past_room(past.shape[1], width, fields)
     earlier = room - fields
     row = size + earlier
-    for b in range(min(width, len(observation) // row - n * width)):
-        to, shown, then = (n * width + b) * row, at + b * size, begin + b * room
-        for i in range(0, row, _LINE):
-            _await_write(observation, to + _AHEAD + i)
-        for i in range(size):
-            observation[to + i] = observed[n, shown + i]
-        _copy(observation, to + size, past, n * past.shape[1] + then, earlier)
-        if keeps:
-            for i in range(fields):
-                past[n, then - fields + i] = observed[n, shown + now[i]]
+    lanes = min(width, len(observation) // row - n * width)
+    to = observation.ctypes.data + _FLOAT * (n * width * row)
+    shown = observed.ctypes.data + _FLOAT * (n * observed.shape[1] + at)
+    then = past.ctypes.data + _FLOAT * (n * past.shape[1] + begin)
+    for _ in range(lanes):
+        for i in range(0, _FLOAT * row, _LINE):
+            _await_write(to + _AHEAD + i)
+        _copy(to, shown, _FLOAT * size)
+        _copy(to + _FLOAT * size, then, _FLOAT * earlier)
+        to, shown, then = to + _FLOAT * row, shown + _FLOAT * size, then + _FLOAT * room
+    if keeps:
+        for i in range(fields):
+            _keep(n, begin - fields + i, room, at + now[i], size, lanes, observed, past)
 
 
 @njit(cache=True)
@@ -463,8 +476,29 @@ def _advance_blocks(
         show_block(n, step, row, work, record)
 
 
+@intrinsic
+def _uncounted(typing: Any, arrays: Any) -> tuple[Any, Any]:
+    """Tuple of the same arrays without a count of their references, for a call in which they stay alive.
+
+    A block's step hands hundreds of arrays on; each count is two atomic instructions.
+    """
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        found = []
+        for kind, value in zip(arrays, cgutils.unpack_tuple(builder, values[0]), strict=True):
+            if isinstance(kind, types.Array):
+                array = context.make_array(kind)(context, builder, value)
+                array.meminfo = cgutils.get_null_value(array.meminfo.type)
+                value = array._getvalue()
+            found.append(value)
+        return context.make_tuple(builder, arrays, found)
+
+    return arrays(arrays), build
+
+
 @njit(inline="always")
-def _unpacked(fields: Any) -> Record:
+def _unpacked(counted: Any) -> Record:
+    fields = _uncounted(counted)
     return Record(
         Lanes(*fields[:_SOURCES]), Sources(*fields[_SOURCES:_SHOWN]), Shown(*fields[_SHOWN:_LAW]),
         Law(*fields[_LAW:]),
@@ -476,7 +510,8 @@ def advance(
     blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take one step of all lanes."""
-    _advance_blocks(0, blocks, step, actions, base_V, work[0], _unpacked(fields))
+    given = _uncounted((actions, base_V, work))
+    _advance_blocks(0, blocks, step, given[0], given[1], given[2][0], _unpacked(fields))
 
 
 @njit(cache=True, parallel=True)
@@ -487,7 +522,7 @@ def advance_parallel(
     share = -(-blocks // len(work))
     for thread in prange(len(work)):
         # Unpacked by each thread: numba hands it tuples, and no named ones.
-        record = _unpacked(fields)
+        record, given = _unpacked(fields), _uncounted((actions, base_V, work))
         begin = thread * share
         end = min(begin + share, blocks)
-        _advance_blocks(begin, end, step, actions, base_V, work[thread], record)
+        _advance_blocks(begin, end, step, given[0], given[1], given[2][thread], record)
