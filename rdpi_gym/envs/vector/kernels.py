@@ -438,27 +438,25 @@ def show_stacked(step: int, lanes: Lanes, sources: Sources, observation: Floats3
 
 
 @njit(cache=True)
-def _spread(
-    own: Integers, observation: Floats32, reward: Array, truncated: Flags, info: Array,
+def _gather(
+    places: Integers, observation: Floats32, reward: Array, truncated: Flags, info: Array,
     all_observations: Floats32, rewards: Array, all_truncated: Flags, infos: Array,
 ) -> None:  # fmt: skip
-    size = len(observation) // max(len(own), 1)
-    for slot in range(len(own)):
-        lane = own[slot]
-        if lane < 0:
-            continue
-        for i in range(size):
-            all_observations[lane * size + i] = observation[slot * size + i]
-        rewards[lane], all_truncated[lane] = reward[slot], truncated[slot]
-    for row in range(len(info)):
-        for slot in range(len(own)):
-            if own[slot] >= 0:
-                infos[row, own[slot]] = info[row, slot]
+    lanes = len(rewards)
+    row = _FLOAT * (len(all_observations) // lanes)
+    to, own = all_observations.ctypes.data, observation.ctypes.data
+    for lane in range(lanes):
+        _copy(to + row * lane, own + row * places[0, lane], row)
+    for lane in range(lanes):
+        rewards[lane], all_truncated[lane] = reward[places[0, lane]], truncated[places[0, lane]]
+    for i in range(len(infos)):
+        for lane in range(lanes):
+            infos[i, lane] = info[places[1, lane] + i * places[2, lane]]
 
 
-def spread(own: Integers, part: Shown, whole: Shown) -> None:
-    """Put what a group shows, slot by slot, in the places of its lanes; those of no lane are left out."""
-    _spread(own, *part, *whole)
+def gather(places: Integers, parts: Shown, whole: Shown) -> None:
+    """Put what groups show, one behind the other, in the order of the lanes; see ``Order``."""
+    _gather(places, *parts, *whole)
 
 
 # Written into both callers: on its own, the whole chain would be optimised once more before theirs.

@@ -151,11 +151,17 @@ def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
     return zeros
 
 
-def block_shape(lanes: int) -> tuple[int, int]:
-    """Return the number of blocks and their width for so many lanes."""
-    blocks = -(-lanes // _BLOCK)
-    width = -(-lanes // blocks)
-    return blocks, -(-width // _MULTIPLE) * _MULTIPLE
+def block_shape(lanes: int, groups: int = 1) -> tuple[int, int]:
+    """Return the number of blocks and their width for so many lanes, of which one of some groups is taken.
+
+    The width fills few blocks with the lanes that a group is likely to have: their share, and twice
+    its deviation.
+    """
+    share = lanes / groups
+    likely = min(math.ceil(share + 2.0 * math.sqrt(share * (1.0 - 1.0 / groups))), lanes)
+    width = -(-likely // -(-likely // _BLOCK))
+    width = -(-width // _MULTIPLE) * _MULTIPLE
+    return -(-lanes // width), width
 
 
 def make_lanes(
