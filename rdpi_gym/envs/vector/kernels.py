@@ -10,10 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, prange, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba import njit, prange
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from rdpi_gym.envs.layout import COLUMN, FIELDS, LIMIT, SPAN, ZERO, field_values
@@ -43,6 +40,7 @@ from rdpi_gym.envs.vector.lanes import (
     past_room,
     table_row,
 )
+from rdpi_gym.envs.vector.memory import FLOAT32, LINE, copy_bytes, fetch_line, uncounted
 from rdpi_gym.envs.vector.random import draw_noise
 from rdpi_gym.envs.vector.waves import sample_ahead, sample_references
 from rdpi_gym.support.arrays import Array
@@ -206,36 +204,8 @@ def _show(n: int, at: int, size: int, observed: Floats32, observation: Floats32)
         shown[i] = last[i]
 
 
-# These take addresses: an array that is handed to an intrinsic has its references counted, atomically.
-@intrinsic
-def _copy(typing: Any, to: Any, source: Any, count: Any) -> tuple[Any, Any]:
-    """Copy of so many bytes from one address to another."""
-
-    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        ends = [builder.inttoptr(address, _BYTES) for address in values[:2]]
-        cgutils.raw_memcpy(builder, *ends, values[2], 1)
-        return context.get_dummy_value()
-
-    return types.none(types.intp, types.intp, types.intp), build
-
-
-@intrinsic
-def _await_write(typing: Any, address: Any) -> tuple[Any, Any]:
-    """Fetch of the cache line at an address that is written soon; beyond what a process has it is nothing."""
-
-    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        line = builder.inttoptr(values[0], _BYTES)
-        kind = ir.FunctionType(ir.VoidType(), [_BYTES, *[ir.IntType(32)] * 3])
-        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
-        builder.call(fetch, [line, *(ir.Constant(ir.IntType(32), n) for n in (1, 3, 1))])
-        return context.get_dummy_value()
-
-    return types.none(types.intp), build
-
-
-_BYTES = ir.IntType(8).as_pointer()
-# Bytes of a float, of a cache line, and how far ahead lines are fetched: the latency of a shared cache.
-_FLOAT, _LINE, _AHEAD = 4, 64, 4096
+# How far ahead (bytes) lines are fetched: the latency of a shared cache.
+_AHEAD = 4096
 
 
 @njit(cache=True)
@@ -271,15 +241,15 @@ def show_with_past(
     earlier = room - fields
     row = size + earlier
     lanes = min(width, len(observation) // row - n * width)
-    to = observation.ctypes.data + _FLOAT * (n * width * row)
-    shown = observed.ctypes.data + _FLOAT * (n * observed.shape[1] + at)
-    then = past.ctypes.data + _FLOAT * (n * past.shape[1] + begin)
+    to = observation.ctypes.data + FLOAT32 * (n * width * row)
+    shown = observed.ctypes.data + FLOAT32 * (n * observed.shape[1] + at)
+    then = past.ctypes.data + FLOAT32 * (n * past.shape[1] + begin)
     for _ in range(lanes):
-        for i in range(0, _FLOAT * row, _LINE):
-            _await_write(to + _AHEAD + i)
-        _copy(to, shown, _FLOAT * size)
-        _copy(to + _FLOAT * size, then, _FLOAT * earlier)
-        to, shown, then = to + _FLOAT * row, shown + _FLOAT * size, then + _FLOAT * room
+        for i in range(0, FLOAT32 * row, LINE):
+            fetch_line(to + _AHEAD + i)
+        copy_bytes(to, shown, FLOAT32 * size)
+        copy_bytes(to + FLOAT32 * size, then, FLOAT32 * earlier)
+        to, shown, then = to + FLOAT32 * row, shown + FLOAT32 * size, then + FLOAT32 * room
     if keeps:
         for i in range(fields):
             _keep(n, begin - fields + i, room, at + now[i], size, lanes, observed, past)
@@ -443,10 +413,10 @@ def _gather(
     all_observations: Floats32, rewards: Array, all_truncated: Flags, infos: Array,
 ) -> None:  # fmt: skip
     lanes = len(rewards)
-    row = _FLOAT * (len(all_observations) // lanes)
+    row = FLOAT32 * (len(all_observations) // lanes)
     to, own = all_observations.ctypes.data, observation.ctypes.data
     for lane in range(lanes):
-        _copy(to + row * lane, own + row * places[0, lane], row)
+        copy_bytes(to + row * lane, own + row * places[0, lane], row)
     for lane in range(lanes):
         rewards[lane], all_truncated[lane] = reward[places[0, lane]], truncated[places[0, lane]]
     for i in range(len(infos)):
@@ -474,29 +444,9 @@ def _advance_blocks(
         show_block(n, step, row, work, record)
 
 
-@intrinsic
-def _uncounted(typing: Any, arrays: Any) -> tuple[Any, Any]:
-    """Tuple of the same arrays without a count of their references, for a call in which they stay alive.
-
-    A block's step hands hundreds of arrays on; each count is two atomic instructions.
-    """
-
-    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        found = []
-        for kind, value in zip(arrays, cgutils.unpack_tuple(builder, values[0]), strict=True):
-            if isinstance(kind, types.Array):
-                array = context.make_array(kind)(context, builder, value)
-                array.meminfo = cgutils.get_null_value(array.meminfo.type)
-                value = array._getvalue()
-            found.append(value)
-        return context.make_tuple(builder, arrays, found)
-
-    return arrays(arrays), build
-
-
 @njit(inline="always")
 def _unpacked(counted: Any) -> Record:
-    fields = _uncounted(counted)
+    fields = uncounted(counted)
     return Record(
         Lanes(*fields[:_SOURCES]), Sources(*fields[_SOURCES:_SHOWN]), Shown(*fields[_SHOWN:_LAW]),
         Law(*fields[_LAW:]),
@@ -508,7 +458,7 @@ def advance(
     blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take one step of all lanes."""
-    given = _uncounted((actions, base_V, work))
+    given = uncounted((actions, base_V, work))
     _advance_blocks(0, blocks, step, given[0], given[1], given[2][0], _unpacked(fields))
 
 
@@ -520,7 +470,7 @@ def advance_parallel(
     share = -(-blocks // len(work))
     for thread in prange(len(work)):
         # Unpacked by each thread: numba hands it tuples, and no named ones.
-        record, given = _unpacked(fields), _uncounted((actions, base_V, work))
+        record, given = _unpacked(fields), uncounted((actions, base_V, work))
         begin = thread * share
         end = min(begin + share, blocks)
         _advance_blocks(begin, end, step, given[0], given[1], given[2][thread], record)
