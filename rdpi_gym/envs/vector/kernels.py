@@ -40,7 +40,14 @@ from rdpi_gym.envs.vector.lanes import (
     past_room,
     table_row,
 )
-from rdpi_gym.envs.vector.memory import FLOAT32, LINE, copy_bytes, fetch_line, uncounted
+from rdpi_gym.envs.vector.memory import (
+    FLOAT32,
+    LINE,
+    copy_bytes,
+    copy_float32,
+    fetch_line,
+    uncounted,
+)
 from rdpi_gym.envs.vector.random import draw_noise
 from rdpi_gym.envs.vector.waves import sample_ahead, sample_references
 from rdpi_gym.support.arrays import Array
@@ -216,21 +223,6 @@ def _slide_past(n: int, fields: int, past: Floats32) -> None:
 
 
 @njit(cache=True)
-def _keep(
-    n: int,
-    begin: int,
-    room: int,
-    at: int,
-    size: int,
-    lanes: int,
-    observed: Floats32,
-    past: Floats32,
-) -> None:
-    for b in range(lanes):
-        past[n, begin + b * room] = observed[n, at + b * size]
-
-
-@njit(cache=True)
 def show_with_past(
     n: int, at: int, begin: int, width: int, observed: Floats32, past: Floats32, now: Integers,
     keeps: bool, observation: Floats32,
@@ -249,10 +241,10 @@ def show_with_past(
             fetch_line(to + _AHEAD + i)
         copy_bytes(to, shown, FLOAT32 * size)
         copy_bytes(to + FLOAT32 * size, then, FLOAT32 * earlier)
+        if keeps:
+            for i in range(fields):
+                copy_float32(then + FLOAT32 * (i - fields), shown + FLOAT32 * now[i])
         to, shown, then = to + FLOAT32 * row, shown + FLOAT32 * size, then + FLOAT32 * room
-    if keeps:
-        for i in range(fields):
-            _keep(n, begin - fields + i, room, at + now[i], size, lanes, observed, past)
 
 
 @njit(cache=True)

@@ -28,6 +28,18 @@ def copy_bytes(typing: Any, to: Any, source: Any, count: Any) -> tuple[Any, Any]
 
 
 @intrinsic
+def copy_float32(typing: Any, to: Any, source: Any) -> tuple[Any, Any]:
+    """Copy one number from one address to another."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        one, other = (builder.inttoptr(each, ir.FloatType().as_pointer()) for each in values)
+        builder.store(builder.load(other), one)
+        return context.get_dummy_value()
+
+    return types.none(types.intp, types.intp), build
+
+
+@intrinsic
 def fetch_line(typing: Any, address: Any) -> tuple[Any, Any]:
     """Fetch the cache line at an address that is needed soon; where there is no memory nothing happens."""
 
