@@ -427,7 +427,9 @@ def _advance_blocks(
     begin: int, end: int, step: int, actions: Array, base_V: Array, work: Array, record: Record
 ) -> None:
     lanes, sources, _, law = record
-    for n in range(begin, end):
+    for i in range(end - begin):
+        # to and fro: what the last step ended with is still in the caches
+        n = begin + i if step % 2 else end - 1 - i
         command_block(n, step, actions, base_V, law, work, lanes.numbers)
         row = run_chain(
             law.core, lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], sources.stages,
