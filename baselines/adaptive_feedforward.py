@@ -218,7 +218,7 @@ class AdaptiveFeedforward(Tunable):
         fit = of(state, "fit")
         counts = ~ringing & self._is_free(observation, state)
         self._learn(state, counts if learns is None else counts & learns)
-        if np.count_nonzero(ringing):
+        if ringing.any():
             self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
         phi = np.concatenate([shown[1:], static])
         count = len(phi)
