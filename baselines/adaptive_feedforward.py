@@ -211,14 +211,16 @@ class AdaptiveFeedforward(Tunable):
             of(state, "monitor"), reference_um - measured_um, reference_um
         )
         window = self.layout.reference_um(observation)
-        smooth, *derivatives = product(SPLINE, window[:, self.window].T)
+        shown = product(SPLINE, window[:, self.window].T)  # r and its derivatives
+        smooth = shown[0]
         static = self._static(smooth, state)
         shift_in(of(state, "measured"), measured_um)
         fit = of(state, "fit")
         counts = ~ringing & self._is_free(observation, state)
         self._learn(state, counts if learns is None else counts & learns)
-        self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
-        phi = np.vstack([*derivatives, static])
+        if ringing.any():
+            self.fit.unlearn(fit, np.where(ringing, trust, 1.0))
+        phi = np.concatenate([shown[1:], static])
         count = len(phi)
         believed = product(self.fit.prior[:count], phi)
         learned = lane_products(self.fit.theta(fit)[:count], phi)
@@ -263,10 +265,10 @@ class AdaptiveFeedforward(Tunable):
         """Return what went in and what came out at k - HALF: φ of the measured y, and w - y (µm)."""
         of = self.rows.of
         # The newest w has the reference time k + lead, the newest static row one more.
-        smooth, *derivatives = product(SPLINE, of(state, "measured"))
+        came = product(SPLINE, of(state, "measured"))
         entered = product(SPLINE[0], of(state, "wanted")[: 2 * HALF + 1])
         static = of(state, "seen").reshape(*self._rings, -1)[0]
-        return np.vstack([*derivatives, static]), entered - smooth
+        return np.concatenate([came[1:], static]), entered - came[0]
 
 
 @njit(cache=True)

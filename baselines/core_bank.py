@@ -367,10 +367,10 @@ class BankFeedforward(CorrectedAdaptive):
     def compared(self, state: Array) -> tuple[Array, Array]:
         """Return φ of the measured y beside the columns, and H_0[u] - y (µm), at k - HALF."""
         of = self.rows.of
-        smooth, *derivatives = product(SPLINE, of(state, "measured"))
+        came = product(SPLINE, of(state, "measured"))
         columns = self.bank.before(of(state, "inverse"))
         static = of(state, "seen").reshape(*self._rings, -1)[0]
-        return np.vstack([*derivatives, static, -columns[1:]]), columns[0] - smooth
+        return np.concatenate([came[1:], static, -columns[1:]]), columns[0] - came[0]
 
     def _value(self, window_um: Array, smooth_um: Array) -> Array:
         """Reference itself: smoothing would round its corners."""

@@ -274,8 +274,7 @@ class NestedLeastSquares(ForgettingLeastSquares):
         self.unlearn(memory, np.where(counts, self.kept, 1.0))
         missed = phi[self._order]
         _rotate(factor, missed, z.copy(), np.where(counts, 1.0, 0.0))
-        for m, size in enumerate(self.sizes):
-            _judge(errors[m], missed[size - 1], counts, self._share)
+        _judge(errors, missed, self.sizes, counts, self._share)
         due = _due(count[1], counts)
         if not due.any():
             return
@@ -345,11 +344,19 @@ def _forget(factor: Array, kept: Array, precision: Array, prior: Array, count: A
 
 
 @njit(cache=True)
-def _judge(mean_square: Array, missed: Array, counts: NDArray[np.bool_], share: float) -> None:
-    """Move the mean square error of a model on by one sample."""
-    for b in range(len(counts)):
-        taken = share if counts[b] else 0.0
-        mean_square[b] += taken * (missed[b] * missed[b] - mean_square[b])
+def _judge(
+    mean_squares: Array,
+    missed: Array,
+    sizes: tuple[int, ...],
+    counts: NDArray[np.bool_],
+    share: float,
+) -> None:
+    """Move the mean square errors of the models on by one sample."""
+    for m in range(len(sizes)):
+        for b in range(len(counts)):
+            taken = share if counts[b] else 0.0
+            error = missed[sizes[m] - 1, b]
+            mean_squares[m, b] += taken * (error * error - mean_squares[m, b])
 
 
 @njit(cache=True)

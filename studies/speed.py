@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import gymnasium as gym
+import numba
 import numpy as np
 import pandas as pd
 from gymnasium.utils.performance import benchmark_vector_step
@@ -52,6 +53,8 @@ _TRAINED = TrainingOptions(Path(), action="increment")
 _AS_TRAINED: dict[str, Any] = {
     "plant": _TRAINED.models[0], "max_episode_steps": _TRAINED.episode, **_TRAINED.environment()
 }  # fmt: skip
+THREADS = tuple(n for n in (1, 2) if n <= numba.config.NUMBA_NUM_THREADS)
+"""Threads of the vector environments: one, and two where the process has as many cores."""
 Environment = VectorEnv[Any, Any, Any]
 Measure = Callable[[Any, float, int], float]
 # Declared for whole seconds; any number of them works.
@@ -147,7 +150,7 @@ def vector(
     rounds: int,
     duration_s: float = 0.25,
     lanes: int = 4096,
-    threads: Sequence[int] = (1, 2),
+    threads: Sequence[int] = THREADS,
     cases: Sequence[str] = tuple(CASES),
 ) -> pd.DataFrame:
     """Measure the vector environment with vector CartPole and with the bare kernel, one thread."""
@@ -204,7 +207,7 @@ def tasks(
     rounds: int,
     duration_s: float = 0.25,
     lanes: int = 4096,
-    threads: Sequence[int] = (1, 2),
+    threads: Sequence[int] = THREADS,
     names: Sequence[str] = tuple(TASKS),
 ) -> pd.DataFrame:
     """Measure the vector environment of every task with vector CartPole, steps alone and whole episodes."""
@@ -379,12 +382,12 @@ def _training(algorithm: str, threads: int, rollouts: int) -> dict[str, Any]:
 
 
 def _slowest_task(table: pd.DataFrame) -> str:
-    threads = table["threads"].max()
+    threads = int(table["threads"].max())
     rows = table[table["threads"] == threads].sort_values("times_cartpole")
     least = rows.iloc[0]
     faster = int((rows["times_cartpole"] >= 1.0).sum())
     return (
-        f"On {threads} threads {faster} of {len(rows)} tasks make at least the steps of CartPole, which has one; "
+        f"On {threads} thread{'s' if threads > 1 else ''} {faster} of {len(rows)} tasks make at least the steps of CartPole, which has one; "
         f"{least['case']} makes {least['times_cartpole']:.2g} times as many."
     )
 
@@ -474,7 +477,7 @@ def as_markdown(name: str, table: pd.DataFrame, rounds: int) -> str:
     return (
         f"# {part.title}\n\n{part.answer(table)}\n\n"
         f"Written by `python -m studies.speed {name}`, {rounds} rounds. {part.method}\n\n"
-        f"{versions}, Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores.\n\n"
+        f"{versions}, Python {platform.python_version()}, {platform.machine()}, {numba.config.NUMBA_NUM_THREADS} of {os.cpu_count()} cores.\n\n"
         f"{frame_table(table)}\n"
     )
 

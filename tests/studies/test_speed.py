@@ -39,6 +39,15 @@ def test_the_vector_environment_is_as_fast_as_its_page_says():
     assert f"begins at every step these are {apart:.2f} and {apart_two:.2f} times" in page
 
 
+def test_the_tasks_are_as_fast_as_their_page_says():
+    table = committed("tasks")
+    assert set(table["case"]) == {task.id for task in TASKS.values()}
+    one = table[table["threads"] == 1].set_index("case")["times_cartpole"]
+    page = " ".join(PAGE.read_text(encoding="utf-8").split())
+    whole = f"{(one >= 1.0).sum()} of {len(one)} tasks make at least its steps on one thread"
+    assert f"{whole}, `{one.idxmin()}` {one.min():.2f} times" in page
+
+
 @over("case", speed.CASES)
 def test_every_case_of_the_vector_environment_is_measured(case):
     table = speed.vector(rounds=2, duration_s=0.001, lanes=3, threads=[1], cases=[case])

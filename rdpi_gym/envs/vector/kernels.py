@@ -10,10 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, prange, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba import njit, prange
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from rdpi_gym.envs.layout import COLUMN, FIELDS, LIMIT, SPAN, ZERO, field_values
@@ -42,6 +39,14 @@ from rdpi_gym.envs.vector.lanes import (
     past_begin,
     past_room,
     table_row,
+)
+from rdpi_gym.envs.vector.memory import (
+    FLOAT32,
+    LINE,
+    copy_bytes,
+    copy_float32,
+    fetch_line,
+    uncounted,
 )
 from rdpi_gym.envs.vector.random import draw_noise
 from rdpi_gym.envs.vector.waves import sample_ahead, sample_references
@@ -206,41 +211,8 @@ def _show(n: int, at: int, size: int, observed: Floats32, observation: Floats32)
         shown[i] = last[i]
 
 
-@intrinsic
-def _copy(typing: Any, to: Any, first: Any, source: Any, begin: Any, count: Any) -> tuple[Any, Any]:
-    """Copy of so many float32 as one block of memory."""
-
-    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        ends = [
-            builder.gep(context.make_array(kind)(context, builder, array).data, [place])
-            for kind, array, place in zip(
-                signature.args[:4:2], values[:4:2], values[1:4:2], strict=True
-            )
-        ]
-        cgutils.raw_memcpy(builder, *ends, values[4], 4)
-        return context.get_dummy_value()
-
-    return types.none(to, types.intp, source, types.intp, types.intp), build
-
-
-@intrinsic
-def _await_write(typing: Any, to: Any, place: Any) -> tuple[Any, Any]:
-    """Fetch of the cache line of a place that is written soon; beyond the array's end it is nothing."""
-
-    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, values[0])
-        line = builder.bitcast(builder.gep(array.data, [values[1]]), _BYTES)
-        kind = ir.FunctionType(ir.VoidType(), [_BYTES, *[ir.IntType(32)] * 3])
-        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
-        builder.call(fetch, [line, *(ir.Constant(ir.IntType(32), n) for n in (1, 3, 1))])
-        return context.get_dummy_value()
-
-    return types.none(to, types.intp), build
-
-
-_BYTES = ir.IntType(8).as_pointer()
-# Floats of a cache line, and how far ahead lines are fetched: the latency of a shared cache.
-_LINE, _AHEAD = 16, 1024
+# How far ahead (bytes) lines are fetched: the latency of a shared cache.
+_AHEAD = 4096
 
 
 @njit(cache=True)
@@ -260,16 +232,19 @@ def show_with_past(
     size, room = (observed.shape[1] - SLIDE) // width, past_room(past.shape[1], width, fields)
     earlier = room - fields
     row = size + earlier
-    for b in range(min(width, len(observation) // row - n * width)):
-        to, shown, then = (n * width + b) * row, at + b * size, begin + b * room
-        for i in range(0, row, _LINE):
-            _await_write(observation, to + _AHEAD + i)
-        for i in range(size):
-            observation[to + i] = observed[n, shown + i]
-        _copy(observation, to + size, past, n * past.shape[1] + then, earlier)
+    lanes = min(width, len(observation) // row - n * width)
+    to = observation.ctypes.data + FLOAT32 * (n * width * row)
+    shown = observed.ctypes.data + FLOAT32 * (n * observed.shape[1] + at)
+    then = past.ctypes.data + FLOAT32 * (n * past.shape[1] + begin)
+    for _ in range(lanes):
+        for i in range(0, FLOAT32 * row, LINE):
+            fetch_line(to + _AHEAD + i)
+        copy_bytes(to, shown, FLOAT32 * size)
+        copy_bytes(to + FLOAT32 * size, then, FLOAT32 * earlier)
         if keeps:
             for i in range(fields):
-                past[n, then - fields + i] = observed[n, shown + now[i]]
+                copy_float32(then + FLOAT32 * (i - fields), shown + FLOAT32 * now[i])
+        to, shown, then = to + FLOAT32 * row, shown + FLOAT32 * size, then + FLOAT32 * room
 
 
 @njit(cache=True)
@@ -425,27 +400,25 @@ def show_stacked(step: int, lanes: Lanes, sources: Sources, observation: Floats3
 
 
 @njit(cache=True)
-def _spread(
-    own: Integers, observation: Floats32, reward: Array, truncated: Flags, info: Array,
+def _gather(
+    places: Integers, observation: Floats32, reward: Array, truncated: Flags, info: Array,
     all_observations: Floats32, rewards: Array, all_truncated: Flags, infos: Array,
 ) -> None:  # fmt: skip
-    size = len(observation) // max(len(own), 1)
-    for slot in range(len(own)):
-        lane = own[slot]
-        if lane < 0:
-            continue
-        for i in range(size):
-            all_observations[lane * size + i] = observation[slot * size + i]
-        rewards[lane], all_truncated[lane] = reward[slot], truncated[slot]
-    for row in range(len(info)):
-        for slot in range(len(own)):
-            if own[slot] >= 0:
-                infos[row, own[slot]] = info[row, slot]
+    lanes = len(rewards)
+    row = FLOAT32 * (len(all_observations) // lanes)
+    to, own = all_observations.ctypes.data, observation.ctypes.data
+    for lane in range(lanes):
+        copy_bytes(to + row * lane, own + row * places[0, lane], row)
+    for lane in range(lanes):
+        rewards[lane], all_truncated[lane] = reward[places[0, lane]], truncated[places[0, lane]]
+    for i in range(len(infos)):
+        for lane in range(lanes):
+            infos[i, lane] = info[places[1, lane] + i * places[2, lane]]
 
 
-def spread(own: Integers, part: Shown, whole: Shown) -> None:
-    """Put what a group shows, slot by slot, in the places of its lanes; those of no lane are left out."""
-    _spread(own, *part, *whole)
+def gather(places: Integers, parts: Shown, whole: Shown) -> None:
+    """Put what groups show, one behind the other, in the order of the lanes; see ``Order``."""
+    _gather(places, *parts, *whole)
 
 
 # Written into both callers: on its own, the whole chain would be optimised once more before theirs.
@@ -454,7 +427,9 @@ def _advance_blocks(
     begin: int, end: int, step: int, actions: Array, base_V: Array, work: Array, record: Record
 ) -> None:
     lanes, sources, _, law = record
-    for n in range(begin, end):
+    for i in range(end - begin):
+        # to and fro: what the last step ended with is still in the caches
+        n = begin + i if step % 2 else end - 1 - i
         command_block(n, step, actions, base_V, law, work, lanes.numbers)
         row = run_chain(
             law.core, lanes.p[min(n, len(lanes.p) - 1)], lanes.state[n], sources.stages,
@@ -464,7 +439,8 @@ def _advance_blocks(
 
 
 @njit(inline="always")
-def _unpacked(fields: Any) -> Record:
+def _unpacked(counted: Any) -> Record:
+    fields = uncounted(counted)
     return Record(
         Lanes(*fields[:_SOURCES]), Sources(*fields[_SOURCES:_SHOWN]), Shown(*fields[_SHOWN:_LAW]),
         Law(*fields[_LAW:]),
@@ -476,7 +452,8 @@ def advance(
     blocks: int, step: int, actions: Array, base_V: Array, work: Array, fields: tuple[Any, ...]
 ) -> None:
     """Take one step of all lanes."""
-    _advance_blocks(0, blocks, step, actions, base_V, work[0], _unpacked(fields))
+    given = uncounted((actions, base_V, work))
+    _advance_blocks(0, blocks, step, given[0], given[1], given[2][0], _unpacked(fields))
 
 
 @njit(cache=True, parallel=True)
@@ -487,7 +464,7 @@ def advance_parallel(
     share = -(-blocks // len(work))
     for thread in prange(len(work)):
         # Unpacked by each thread: numba hands it tuples, and no named ones.
-        record = _unpacked(fields)
+        record, given = _unpacked(fields), uncounted((actions, base_V, work))
         begin = thread * share
         end = min(begin + share, blocks)
-        _advance_blocks(begin, end, step, actions, base_V, work[thread], record)
+        _advance_blocks(begin, end, step, given[0], given[1], given[2][thread], record)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rdpi_gym.envs.layout import ObservationLayout
 from rdpi_gym.envs.vector.chain import Table
+from rdpi_gym.envs.vector.memory import FLOAT64, LINE, fetch_line
 from rdpi_gym.support.arrays import Array
 
 Floats32: TypeAlias = NDArray[np.float32]
@@ -151,11 +152,17 @@ def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
     return zeros
 
 
-def block_shape(lanes: int) -> tuple[int, int]:
-    """Return the number of blocks and their width for so many lanes."""
-    blocks = -(-lanes // _BLOCK)
-    width = -(-lanes // blocks)
-    return blocks, -(-width // _MULTIPLE) * _MULTIPLE
+def block_shape(lanes: int, groups: int = 1) -> tuple[int, int]:
+    """Return the number of blocks and their width for so many lanes, of which one of some groups is taken.
+
+    The width fills few blocks with the lanes that a group is likely to have: their share, and twice
+    its deviation.
+    """
+    share = lanes / groups
+    likely = min(math.ceil(share + 2.0 * math.sqrt(share * (1.0 - 1.0 / groups))), lanes)
+    width = -(-likely // -(-likely // _BLOCK))
+    width = -(-width // _MULTIPLE) * _MULTIPLE
+    return -(-lanes // width), width
 
 
 def make_lanes(
@@ -247,6 +254,25 @@ def table_row(n: int, share: int, step: int, rows: int) -> int:
     that draws alone is one for which the others wait.
     """
     return (step + n % share * rows // share) % rows
+
+
+_A_LINE = LINE // FLOAT64
+
+
+@njit(cache=True)
+def fetch_rows(n: int, row: int, b: int, end: int, table: Array) -> None:
+    """Fetch a part of the lines that rows of a block's table have for the next eight lanes after lane `b`.
+
+    A table is filled lane by lane, so that every row is another line: each of eight lanes fetches an
+    eighth of them, and computes meanwhile.
+    """
+    rows, width = table.shape[1], table.shape[2]
+    following, part = b - b % _A_LINE + _A_LINE, -(-rows // _A_LINE)
+    first = part * (b % _A_LINE)
+    if following < end:
+        begin = table.ctypes.data + FLOAT64 * (n * rows * width + following)
+        for k in range(max(row, first), min(rows, first + part)):
+            fetch_line(begin + FLOAT64 * width * k)
 
 
 @njit(cache=True)

@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 from numba.np.random import _constants as ziggurat
 
 from rdpi_gym.envs.draw_laws import MAINS_HZ, NOISE_BLOCK, NoiseLaw
-from rdpi_gym.envs.vector.lanes import Integers, Words, aligned, table_row
+from rdpi_gym.envs.vector.lanes import Integers, Words, aligned, fetch_rows, table_row
 from rdpi_gym.envs.vector.sines import sines
 from rdpi_gym.support.arrays import Array
 
@@ -280,6 +280,7 @@ def draw_noise(
     width, ts_s = tables.shape[2], law[len(law) - 1]
     rooms = np.empty((3, SAMPLES))
     for b in range(begin, end):
+        fetch_rows(n, row, b, end, tables)
         lane = n * width + b
         if rngs[lane, 3] == 0:  # a seeded one has an odd increment
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numba
@@ -28,7 +29,7 @@ from rdpi_gym.envs.vector.begin import (
     show_first,
 )
 from rdpi_gym.envs.vector.chain import run_chain
-from rdpi_gym.envs.vector.kernels import advance, advance_parallel, show_stacked, spread
+from rdpi_gym.envs.vector.kernels import advance, advance_parallel, gather, show_stacked
 from rdpi_gym.envs.vector.lanes import (
     BEGUN,
     NEVER,
@@ -112,7 +113,7 @@ class LaneGroup:
         self._draws_effects = self._effects.levels > 0 or (
             self._draws_core and self._effects.reads_hysteresis
         )
-        shape = block_shape(lanes)
+        shape = block_shape(lanes, len(law.nominals))
         if threads is None:
             threads = min(numba.get_num_threads(), lanes // _LANES_A_THREAD)
         threads = max(1, min(threads, shape[0]))
@@ -297,20 +298,22 @@ class LaneGroup:
         self._references.release(indices)
         self.next_end = int(self._lanes.ending.min())
 
-    def advance(self, actions: Array, base_V: Array) -> Shown:
-        """Take one step of the first lanes, as many as there are actions."""
+    def advance(self, actions: Array, base_V: Array, out: Shown | None = None) -> Shown:
+        """Take one step of the first lanes, as many as there are actions; `out` is made anew or filled."""
         self.step += 1
         if self.step >= self._references.due:
             self._references.extend(self.step, self._lanes)
         if self._glides is not None and self.step >= self._glides.due:
             self._glides.change(self.step, self._lanes, self._latent)
         lanes = len(actions)
-        out = Shown(
-            room(lanes * self._size, np.float32),
-            np.empty(lanes),
-            np.zeros(lanes, dtype=bool),
-            np.empty((self.info_rows, lanes)),
-        )
+        if out is None:
+            out = Shown(
+                room(lanes * self._size, np.float32),
+                np.empty(lanes),
+                np.empty(lanes, dtype=bool),
+                np.empty((self.info_rows, lanes)),
+            )
+        out.truncated[:] = False
         blocks = -(-lanes // self._lanes.state.shape[2])
         run = advance_parallel if self.threads > 1 else advance
         # Flat: a call that hands named tuples over takes twice as long to find its kernel.
@@ -389,7 +392,8 @@ class VectorTask:
         self._groups = [
             LaneGroup(single, nominal, lanes, max_steps, threads) for nominal in self._nominals
         ]
-        self._slots = Slots(lanes, len(self._groups))
+        self._slots = Slots(lanes, len(self._groups), self.info_rows)
+        self._parts: Parts | None = None
         self._correction: Correction | None = None
         if single.baseline is not None:
             self._correction = Correction(single.baseline, single.belief, single.layout, lanes)
@@ -472,10 +476,12 @@ class VectorTask:
             np.empty(lanes, dtype=bool),
             np.empty((self.info_rows, lanes)),
         )
-        for kind, group in enumerate(self._groups):
-            own = self._slots.lanes_of(kind)
-            base = base_V[own] if len(base_V) else base_V
-            spread(own, group.advance(actions[own], base), out)
+        order = self._slots.order
+        if self._parts is None or self._parts.order is not order:
+            self._parts = Parts(order, self._single.history.size, self.info_rows)
+        for group, own, part in zip(self._groups, order.lanes, self._parts.each, strict=True):
+            group.advance(actions[own], base_V[own] if len(base_V) else base_V, part)
+        gather(order.places, self._parts.whole, out)
         return out
 
     def latents(self) -> Array:
@@ -492,21 +498,53 @@ class VectorTask:
         return found
 
 
+class Order(NamedTuple):
+    """Where the lanes stand in the parts of their groups, one part behind the other."""
+
+    lanes: list[
+        Integers
+    ]  # of each group the lane in each slot up to the last taken; of a free one -1
+    ends: list[int]  # slots before each part, and all of them
+    places: (
+        Integers  # int64[3, B]: row of each lane, its first number of the info, and their distance
+    )
+
+
+class Parts:
+    """What the groups of an order show at a step: `each` of them a stretch of the `whole`."""
+
+    def __init__(self, order: Order, size: int, info_rows: int) -> None:
+        total = order.ends[-1]
+        observation, info = room(total * size, np.float32), np.empty(total * info_rows)
+        self.order = order
+        self.whole = Shown(observation, np.empty(total), np.empty(total, dtype=bool), info)
+        self.each = [
+            Shown(
+                observation[first * size : end * size],
+                self.whole.reward[first:end],
+                self.whole.truncated[first:end],
+                info[first * info_rows : end * info_rows].reshape(info_rows, end - first),
+            )
+            for first, end in pairwise(order.ends)
+        ]
+
+
 class Slots:
     """Places of lanes in groups of plants: with one group, each lane's own number."""
 
-    def __init__(self, lanes: int, groups: int) -> None:
-        self._only = groups == 1
+    def __init__(self, lanes: int, groups: int, info_rows: int) -> None:
+        self._only, self._info_rows = groups == 1, info_rows
         self._kind: Integers = np.full(lanes, 0 if self._only else -1)
         self._slot: Integers = np.arange(lanes)
         # Of each group the lane in each slot, -1: none.
         self._lane: list[Integers] = [np.full(lanes, -1) for _ in range(groups)]
+        self._order: Order | None = None
 
     def released(self, lanes: Integers) -> list[tuple[int, Integers]]:
         """Free the slots of some lanes; return those of each group that had any."""
         if self._only:
             return []
-        found = []
+        self._order, found = None, []
         for kind, lane_of in enumerate(self._lane):
             slots = self._slot[lanes[self._kind[lanes] == kind]]
             if len(slots):
@@ -518,16 +556,24 @@ class Slots:
         """Give some lanes the lowest free slots of a group."""
         if self._only:
             return lanes
+        self._order = None
         slots = np.flatnonzero(self._lane[kind] < 0)[: len(lanes)]
         self._lane[kind][slots] = lanes
         self._kind[lanes], self._slot[lanes] = kind, slots
         return slots
 
-    def lanes_of(self, kind: int) -> Integers:
-        """Return the lane of each slot of a group up to the last that is taken; of a free one lane -1."""
-        lane_of = self._lane[kind]
-        used = np.flatnonzero(lane_of >= 0)
-        return lane_of[: used[-1] + 1 if len(used) else 0]
+    @property
+    def order(self) -> Order:
+        """The order of the lanes as they are now, made anew after one has another place."""
+        if self._order is None:
+            used = [1 + int(np.flatnonzero(each >= 0).max(initial=-1)) for each in self._lane]
+            ends = [0, *np.cumsum(used).tolist()]
+            first, count = np.array(ends)[self._kind], np.array(used)[self._kind]
+            first_info = first * self._info_rows + self._slot
+            places = np.stack([first + self._slot, first_info, count])
+            own = [lane[:end] for lane, end in zip(self._lane, used, strict=True)]
+            self._order = Order([each.copy() for each in own], ends, places)
+        return self._order
 
     def places(self, lanes: Integers) -> list[tuple[int, int, int]]:
         """Return lane, group and slot of some lanes."""

@@ -17,8 +17,10 @@ from rdpi_gym.envs.vector.lanes import (
     RISE,
     Integers,
     Words,
+    fetch_rows,
     table_row,
 )
+from rdpi_gym.envs.vector.memory import FLOAT64, LINE, fetch_line
 from rdpi_gym.envs.vector.random import next_uniform, seed_generator
 from rdpi_gym.envs.vector.sines import sines
 from rdpi_gym.support.arrays import Array
@@ -251,15 +253,13 @@ def _multisine(wave: Array, first_s: float, turns: Array, samples_um: Array) -> 
     height = wave[HEIGHT] * wave[PER_PEAK]
     samples_um[:] = wave[MIDDLE]
     for i in range(lines):
-        _add_line(
-            height * sine[i], height * cosine[i], turns[2 + 2 * i], turns[3 + 2 * i], samples_um
-        )
+        _add_line(height * sine[i], height * cosine[i], turns, 2 + 2 * i, samples_um)
 
 
 @njit(cache=True)
-def _add_line(sine: float, cosine: float, sines_on: Array, cosines_on: Array, total: Array) -> None:
+def _add_line(sine: float, cosine: float, turns: Array, row: int, total: Array) -> None:
     for j in range(len(total)):
-        total[j] += sine * cosines_on[j] + cosine * sines_on[j]
+        total[j] += sine * turns[row + 1, j] + cosine * turns[row, j]
 
 
 @njit(cache=True)
@@ -296,6 +296,19 @@ def _peak(phases: Array, apart: float) -> float:
 
 
 @njit(cache=True)
+def _fetch_samples(
+    n: int, b: int, ahead: int, numbers: Array, waves: Array, tables_um: Array
+) -> None:
+    """Fetch the samples of a lane whose reference is no wave, for the step that takes them."""
+    lane = n * numbers.shape[2] + b
+    if waves[lane, SHAPE] == SAMPLED:
+        begin = ahead - int(numbers[n, BEGUN, b]) - int(waves[lane, FIRST])
+        first = tables_um.ctypes.data + FLOAT64 * (lane * tables_um.shape[1] + begin)
+        for place in range(0, FLOAT64 * AHEAD + LINE, LINE):
+            fetch_line(first + place)
+
+
+@njit(cache=True)
 def sample_ahead(
     n: int, ahead: int, ts_s: float, numbers: Array, rises: Array, waves: Array, tables_um: Array,
     ahead_um: Array,
@@ -303,7 +316,11 @@ def sample_ahead(
     """Take the samples of a block's waves from a step on that is its first row's."""
     width = ahead_um.shape[2]
     samples, turns = np.empty(AHEAD), make_turns(waves.shape[1])
-    for b in range(min(width, len(waves) - n * width)):
+    end = min(width, len(waves) - n * width)
+    for b in range(end):
+        fetch_rows(n, 0, b, end, ahead_um)
+        if b + 1 < end:
+            _fetch_samples(n, b + 1, ahead, numbers, waves, tables_um)
         wave = waves[n * width + b]
         if wave[SHAPE] == SINE and not np.isnan(numbers[n, OMEGA, b]):
             continue
