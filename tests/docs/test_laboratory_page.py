@@ -38,10 +38,15 @@ def test_the_figures_are_those_of_the_second_study():
     cases = pd.read_csv(FOREIGN / "cases.csv")
     for study, rows in cases[cases["study"] != "none"].groupby("study"):
         assert f"on {int((rows['additions'] > 0).sum())} of {len(rows)} |" in SECOND, study
-    assert f"first {len(cases)} of a thousand plants" in SECOND
-    assert "--seed 2031" in SECOND
+    flowing = " ".join(SECOND.split())
+    assert f"every eighth of a thousand plants of a fresh seed, {len(cases)} in all" in flowing
+    assert cases.loc[cases["study"] == "single", "subject"].nunique() == 15
+    stated = re.search(r"a clock fault stated .* \((\d+) of (\d+)\)", table)
+    assert f"no clock fault is stated of {stated[2]} sound data sets" in flowing
+    assert stated[1] == "0"
+    assert "--seed 2033 --part 1/8" in SECOND
     found = 100.0 * (cases["wrong_found"] > 0).mean()
-    assert f"found on {found:.1f} % of them" in SECOND
+    assert f"found on {found:.1f} % of them" in flowing
     said = re.search(r"left is true .*\((\d+ of \d+)\)", table)
     assert f"| {said[1]} | |" in SECOND
 
