@@ -501,17 +501,15 @@ class VectorTask:
 class Order(NamedTuple):
     """Where the lanes stand in the parts of their groups, one part behind the other."""
 
-    lanes: list[
-        Integers
-    ]  # of each group the lane in each slot up to the last taken; of a free one -1
-    ends: list[int]  # slots before each part, and all of them
-    places: (
-        Integers  # int64[3, B]: row of each lane, its first number of the info, and their distance
-    )
+    # Of each group the lane in each slot up to the last taken; of a free one -1
+    lanes: list[Integers]
+    ends: list[int]  # Slots before each part, and all of them
+    # int64[3, B]: row of each lane, its first number of the info, and their distance
+    places: Integers
 
 
 class Parts:
-    """What the groups of an order show at a step: `each` of them a stretch of the `whole`."""
+    """Results of a step by group in the lanes' order: `each` a stretch of the `whole`."""
 
     def __init__(self, order: Order, size: int, info_rows: int) -> None:
         total = order.ends[-1]
