@@ -9,7 +9,7 @@ from numba import njit
 
 from baselines.classical import pack_inverse
 from baselines.inverses.base import Inverse, Setting, turns
-from rdpi_gym.plant.cores.play import given_rate_block
+from rdpi_gym.plant.cores.play import given_rate_block, play
 from rdpi_gym.plant.effects import Effect
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.effects.unknown import Block, OfTheRate, Static, Unknown
@@ -284,6 +284,40 @@ class BacklashInverse(Inverse):
         """Jump; see :meth:`Inverse.run`."""
         x = np.empty_like(y)
         jump_block(y, self._half_width_um, self._reversal_um, state, x)
+        return x
+
+
+@njit(cache=True)
+def bridged_inverse_block(
+    y: Array, half_width: float, bridge: float, state: Array, x: Array
+) -> None:
+    """Solve y = c x + (1 - c) play(x): a play of c w beside a gain of 1 / c. State: its last output."""
+    for t in range(y.shape[0]):
+        for b in range(y.shape[1]):
+            inner = play(state[0, b], y[t, b] - bridge * half_width, y[t, b] + bridge * half_width)
+            state[0, b] = inner
+            x[t, b] = inner + (y[t, b] - inner) / bridge
+
+
+class BridgedGapInverse(Inverse):
+    """The inverse of a play beside a spring: steeper after every reversal, until the gap is crossed."""
+
+    effect = "backlash"
+    forms = ("bridged by a spring",)
+    rows = 1
+
+    def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
+        super().__init__(effect, setting, ahead)
+        self._half_width_um, self._bridge = effect.coefficients(setting.ts_s, setting.hysteresis)
+
+    def start(self, y: Array) -> tuple[Array, Array]:
+        """In the middle of the gap."""
+        return y[None].copy(), y.copy()
+
+    def run(self, y: Array, state: Array) -> Array:
+        """Invert; see :meth:`Inverse.run`."""
+        x = np.empty_like(y)
+        bridged_inverse_block(y, self._half_width_um, self._bridge, state, x)
         return x
 
 

@@ -162,6 +162,20 @@ def test_the_play_of_the_jump_is_the_reference():
     assert np.abs(again - y).max() < 1.1e-4 * 40.0
 
 
+@settings(deadline=None)
+@given(
+    y=st.lists(st.floats(-50, 50), min_size=1, max_size=30),
+    width=st.floats(0.0, 5.0), bridge=st.floats(0.02, 1.0),
+)  # fmt: skip
+def test_a_bridged_gap_is_inverted_exactly(y, width, bridge):
+    effect = BY_FORM["backlash", "bridged by a spring"](width, bridge)
+    wanted = np.array([y[0], *y])
+    x, _ = undo(effect, wanted)
+    np.testing.assert_allclose(
+        effect.run(np.concatenate([wanted[:1], x]), TS)[1:], wanted[1:], atol=1e-9
+    )
+
+
 @settings(deadline=None, max_examples=40)
 @given(c=st.floats(-0.5, 2.0), seed=st.integers(0, 2**32 - 1))
 def test_congruency_is_inverted_with_the_plays(c, seed):

@@ -227,11 +227,15 @@ class Place:
         return [(record.t_s[index], left) for record, index, left in parts]
 
     @cached_property
-    def _new(self) -> dict[str, list[tuple[float, Promise]]]:
+    def _offered_forms(self) -> list[type[Effect]]:
+        """Forms of the effects that the set lacks and its core takes."""
         names, core = self.model.names, type(self.model.core)
-        effects = self.evidence.offer.effects
-        kinds = [kind for name, kind in effects.items() if name not in names]
-        forms = [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
+        kinds = [kind for name, kind in self.evidence.offer.effects.items() if name not in names]
+        return [form for kind in kinds for form in forms_of(kind) if form.fits_in(core)]
+
+    @cached_property
+    def _new(self) -> dict[str, list[tuple[float, Promise]]]:
+        names, forms = self.model.names, self._offered_forms
         shown = [
             start for form in forms for t_s, left in self._left for start in form.seen_in(t_s, left)
         ]
@@ -251,13 +255,12 @@ class Place:
         A step says little of a curved form, and nothing of an effect that stands still.
         """
         promised = [own.start for forms in self._first for _, own in forms]
-        names = self.model.names | {start.name for start in promised}
-        kinds = [kind for name, kind in self.evidence.offer.effects.items() if name not in names]
+        names = {start.name for start in promised}
         still = [
             start
-            for kind in kinds
-            if kind.stands_still and kind.fits_in(type(self.model.core))
-            for start in kind.starts(self.evidence.scale)
+            for form in self._offered_forms
+            if form.stands_still and not form.form and form.name not in names
+            for start in form.starts(self.evidence.scale)
         ]
         return [(start,) for start in (*promised, *still)]
 

@@ -85,11 +85,9 @@ def numerical_floor(variant: Variant[Core], records: Sequence[Record]) -> Numeri
     if not variant.effects:
         fastest_hz = max(1.0 / r.ts_s for r in records)
         return NumericalFloor(0.0, 0.0, fastest_hz, jittered_um=jittered_um, off_s=off_s)
-    squares, pulls, counts = np.zeros((len(records), 3)), np.zeros((len(records), 3)), []
-    for k, record in enumerate(records):
-        changes, error = _changes_and_error(variant, record)
-        squares[k], pulls[k] = changes.var(axis=1), changes @ error / max(error.size, 1)
-        counts.append(error.size)
+    found = [_Between.of(variant, record) for record in records]
+    squares, pulls = np.array([f.squares for f in found]), np.array([f.pulls for f in found])
+    counts = [f.changes.shape[1] for f in found]
     worst = int(np.argmax(np.sum(squares, axis=1)))
     step, held, turns = np.sqrt(np.average(squares, axis=0, weights=counts)).tolist()
     fastest_hz = 1.0 / records[worst].ts_s
@@ -110,26 +108,36 @@ def open_squares(variant: Variant[Core], record: Record) -> Array:
     found = np.zeros(record.u_V.size)
     if record.jitter_s > 0.0:
         found += _shaken(variant, record) ** 2
-    if variant.effects:
-        mask, (changes, error) = record.error_mask, _changes_and_error(variant, record)
-        squares, pulls = changes.var(axis=1), changes @ error / max(error.size, 1)
-        every = _jumps(record.u_V) or not error.size
-        borne = squares if every else _borne_out(pulls, squares)
-        weights = borne / np.maximum(squares, 1e-300) * [_WHOLE**2, 1.0, 1.0]
-        about = changes - changes.mean(axis=1, keepdims=True)
-        found[mask] += weights @ about**2
+    if variant.effects and record.error_mask.any():
+        own = _Between.of(variant, record)
+        jumps = _jumps(record.u_V)
+        borne = own.squares if jumps else _borne_out(own.pulls, own.squares)
+        weights = borne / np.maximum(own.squares, 1e-300) * [_WHOLE**2, 1.0, 1.0]
+        found[record.error_mask] += weights @ own.changes**2
     return found
 
 
-def _changes_and_error(variant: Variant[Core], record: Record) -> tuple[Array, Array]:
-    """Return what half the step and other commands between samples change, and the error (µm)."""
-    mask, simulated = record.error_mask, simulate_effects([variant], record)[:, 0]
-    changes = [
-        simulate_between(variant, record, 2) - simulated,
-        *_changed(variant, record, held_about, turned_between),
-    ]
-    error = (record.y_um - simulated)[mask]
-    return np.array([change[mask] for change in changes]), error - error.mean()
+@dataclass(frozen=True)
+class _Between:
+    """Changes by half the step and by other commands between the samples of a record, about their means."""
+
+    changes: Array  # (3, N), µm
+    squares: Array  # Mean squares (µm²)
+    pulls: Array  # Mean products with the error (µm²)
+
+    @classmethod
+    def of(cls, variant: Variant[Core], record: Record) -> _Between:
+        """Simulate the changes at the samples that count."""
+        mask, simulated = record.error_mask, simulate_effects([variant], record)[:, 0]
+        changed = [
+            simulate_between(variant, record, 2) - simulated,
+            *_changed(variant, record, held_about, turned_between),
+        ]
+        changes = np.array([change[mask] for change in changed])
+        changes -= changes.mean(axis=1, keepdims=True)
+        error = (record.y_um - simulated)[mask]
+        pulls = changes @ (error - error.mean()) / max(error.size, 1)
+        return cls(changes, (changes**2).mean(axis=1), pulls)
 
 
 def _jumps(u_V: Array) -> bool:

@@ -83,3 +83,63 @@ class Backlash(Effect):
         """Gaps from small to wide: plays imitate one that is far from the start."""
         shares = (3e-3, 0.03, 0.2)
         return tuple(cls.within_bounds(half_width_um=k * scale.stroke_um) for k in shares)
+
+
+@njit(cache=True)
+def bridged_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel; rows of ``p``: half width (µm), share of the bridge. Row of the state: last play (µm)."""
+    for b in range(x.shape[1]):
+        if np.isnan(state[0, b]):
+            state[0, b] = x[0, b]
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            out = play(state[0, b], x[t, b] - p[0, b], x[t, b] + p[0, b])
+            state[0, b] = out
+            y[t, b] = out + p[1, b] * (x[t, b] - out)
+
+
+@dataclass(frozen=True)
+class BridgedGap(Effect, of=Backlash):
+    """Gap bridged by a spring, which moves the load by a share of the motion inside it.
+
+    Examples
+    --------
+    >>> BridgedGap(half_width_um=0.5, bridge=0.2).run([0.0, 2.0, 1.5, 0.0], 1e-3).round(2).tolist()
+    [0.0, 1.6, 1.5, 0.4]
+    """
+
+    half_width_um: float = parameter(
+        0.3, "µm", 0.0, 50.0, (0.05, 0.5), "half of the gap, w", neutral=0.0
+    )
+    bridge: float = parameter(0.2, "", 1e-3, 1.0, (0.05, 0.5), "share of the bridge, c")
+
+    form = "bridged by a spring"
+    equation = "y(k) = c y_m(k) + (1 - c) z(k), z(k) = max(y_m(k) - w, min(y_m(k) + w, z(k-1)))"
+    source = (
+        "Play operator, Eq. 4 of the paper, beside a spring: nuts preloaded against each other. "
+        "Shares are an estimate."
+    )
+    signature = (
+        "A smaller slope after every reversal, however small the motion, until the gap is crossed."
+    )
+    stands_still = True
+    block = staticmethod(bridged_block)
+    state_rows = rows(1)  # last output of the play
+
+    @classmethod
+    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
+        """Gaps from small to wide with a soft bridge."""
+        shares = (3e-3, 0.03, 0.2)
+        return tuple(
+            cls.within_bounds(half_width_um=k * scale.stroke_um, bridge=0.2) for k in shares
+        )
+
+    @classmethod
+    def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
+        """The fitted gap and a wider one, with a soft and a stiff bridge."""
+        width = simpler.values["half_width_um"]
+        return tuple(
+            cls.within_bounds(half_width_um=more * width, bridge=share)
+            for more in (1.0, 2.0)
+            for share in (0.05, 0.3)
+        )

@@ -212,7 +212,7 @@ def test_lanes_with_two_forms_of_an_effect_are_refused():
         ({"effect": "creep", "gain_per_decade": "1"}, "is '1'; expected a number"),
         ({"effect": "creep", "gain_per_decade": 2}, "physical values lie in 0 to 0.1"),
         ({"effect": "creep", "gain_per_decade": 10**400}, "model.json"),
-        ({"effect": "backlash", "form": 7}, "no form is named 7; the simplest has no name, further forms are none"),
+        ({"effect": "backlash", "form": 7}, "no form is named 7; the simplest has no name, further forms are bridged by a spring"),
         ("creep", "is no effect; expected"),
     ],
 )  # fmt: skip

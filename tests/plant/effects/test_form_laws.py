@@ -246,3 +246,17 @@ def test_a_curve_of_the_weights_passes_its_knots_and_leaves_the_part_without_pla
     hysteresis = RDPI((2.0, 1.0), (1.0,), 0.0)
     y = effect.run(2.0 * u + 3.0, TS, u=u, hysteresis=hysteresis)
     np.testing.assert_allclose(y - 2.0 * u, 3.0 * (1.0 + np.array([0.0, *knots])), atol=1e-12)
+
+
+def test_a_bridged_gap_moves_by_its_share_inside_and_with_the_input_beyond():
+    width, bridge = 0.5, 0.2
+    there, back = np.linspace(0.0, 3.0, 61), np.linspace(3.0, 1.0, 41)[1:]
+    slopes = np.diff(
+        form("backlash", "bridged by a spring")(width, bridge).run([*there, *back], TS)
+    )
+    slopes /= np.diff([*there, *back])
+    crossed = int(2 * width / 0.05)
+    np.testing.assert_allclose(slopes[: crossed // 2], bridge, rtol=1e-9)  # half the gap to go
+    np.testing.assert_allclose(slopes[crossed // 2 : 60], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(slopes[60 : 60 + crossed], bridge, rtol=1e-9)  # all of it
+    np.testing.assert_allclose(slopes[60 + crossed :], 1.0, rtol=1e-9)
