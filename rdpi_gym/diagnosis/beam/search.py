@@ -148,11 +148,13 @@ class Beam:
         least = min(sets, key=lambda each: each.rmse_um)
         if least is not self._least:
             self._least, self.evidence = least, self._with_numerical(least)
-        offered, blocks = len(self.evidence.offer.effects) + 1, Blocks.of(least.lefts)
+        kept = frozenset(effect.name for effect in self.evidence.offer.kept)
+        offered, blocks = len(self.evidence.offer.effects.keys() - kept) + 1, Blocks.of(least.lefts)
         faults = {clock.name for clock in clock_starts(self.evidence)}
         noise_um = self.evidence.floor_um(least.lefts)
         floors_um = self.evidence.floors_um(least.lefts, FIT_SAMPLES)
-        return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, offered, len(faults))
+        priors = offered, len(faults), kept
+        return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, *priors)
 
     def _with_numerical(self, least: Visited) -> Evidence:
         """Return the records with what their simulation leaves open, bounded by what a set leaves."""
@@ -204,6 +206,7 @@ class Scores:
     seed: int
     offered: int = len(CATALOGUE) + 1  # Effects that a move may bring, and a clock fault
     faults: int = 1  # Clock faults that the records may have
+    kept: frozenset[str] = frozenset()  # Effects that are in every set
 
     @cached_property
     def draws(self) -> Array:
@@ -261,7 +264,7 @@ class Scores:
         return bool(there > here)
 
     def _prior(self, one: Visited) -> float:
-        return prior_of(one.model, self.offered, self.faults)
+        return prior_of(one.model, self.offered, self.faults, self.kept)
 
     def _bar(self, one: Visited) -> float:
         """Return what the best phantom of a move gains (nats a block)."""
@@ -271,9 +274,9 @@ class Scores:
         return max(0.0, *(float(alone - each) for each in ghosts))
 
 
-def prior_of(model: Model, offered: int, faults: int) -> float:
-    """Logarithm of the prior of a set: of its effects, their forms, its clock faults and its kind of core."""
-    found = log_prior(len(model.names), offered) - len(model.clocks) * math.log(faults)
+def prior_of(model: Model, offered: int, faults: int, kept: frozenset[str]) -> float:
+    """Logarithm of the prior of a set: of effects that moves bring, all forms, clock faults, kind of core."""
+    found = log_prior(len(model.names - kept), offered) - len(model.clocks) * math.log(faults)
     for effect in model.effects:
         if effect.name == Unknown.name:
             found -= math.log(len(FREE_BLOCKS))

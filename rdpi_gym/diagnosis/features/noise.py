@@ -67,13 +67,17 @@ def _between_lines(x: Array) -> float:
 
 
 def repeat_noise(record: Record) -> float | None:
-    """Standard deviation (µm) of a record about the mean of its repetitions."""
+    """Standard deviation (µm) of the noise in which the repetitions of a record differ."""
     spread = _spread(record)
     return None if spread is None else _rms(spread)
 
 
 def _spread(record: Record) -> Array | None:
-    """Differences of repetitions from their mean, ``(K, M)``; None where their commands differ as much."""
+    """Second differences of neighbouring repetitions as of white noise, ``(K, M)``, or None.
+
+    None where their commands differ as much, or first differences are larger: noise has no memory from
+    one repetition to the next, creep and drift have.
+    """
     found = _repetitions(record)
     if found is None:
         return None
@@ -86,16 +90,27 @@ def _spread(record: Record) -> Array | None:
         apart = np.std(_apart(measured, np.median(measured, axis=0)), axis=1)
         alike = apart <= max(_UNLIKE * float(np.median(apart)), _EXACT * float(np.ptp(measured)))
         measured, commands = measured[alike], commands[alike]
-    if len(measured) < 2:
+    if len(measured) < 3:
         return None
-    spread = _apart(measured, measured.mean(axis=0))
+    first, spread = (_neighbours(measured, order) for order in (1, 2))
+    if _rms(first) > _ALIKE * _rms(spread):
+        return None
+    of_commands = _neighbours(commands, 2)
     # a slow chirp has periods that are nearly alike: what they differ by is no noise
     gain = float(np.std(record.y_um)) / max(float(np.std(record.u_V)), 1e-300)
-    of_command = float(np.std(_apart(commands, commands.mean(axis=0))))
-    return None if gain * of_command > _SAME_COMMAND * float(np.std(spread)) else spread
+    return (
+        None
+        if gain * float(np.std(of_commands)) > _SAME_COMMAND * float(np.std(spread))
+        else spread
+    )
 
 
-def _apart(rows: Array, usual: Array) -> Array:
+def _neighbours(rows: Array, order: int) -> Array:
+    """Differences of neighbouring repetitions, as large as the noise of one."""
+    return _apart(np.diff(rows, order, axis=0) / math.sqrt(math.comb(2 * order, order)), 0.0)
+
+
+def _apart(rows: Array, usual: Array | float) -> Array:
     """Differences of repetitions from the usual one, offset and slope removed."""
     x = np.linspace(-1.0, 1.0, rows.shape[1])
     differ = rows - usual
@@ -269,7 +284,7 @@ def _alike(
 def _rms(spread: Array) -> float:
     """Standard deviation of noise from what repetitions differ by."""
     count, length = spread.shape
-    return float(np.sqrt(np.sum(spread**2) / ((count - 1) * (length - 2))))
+    return float(np.sqrt(np.sum(spread**2) / (count * (length - 2))))
 
 
 def _slowness(noise: Array) -> float:

@@ -98,7 +98,7 @@ def test_a_backlash_is_looked_at_though_no_step_from_a_start_promises_it():
     evidence = Evidence.of(Dataset("backlash is hidden", tuple(_records(hidden))))
     base = begun(evidence)
     place = Place(evidence, base.model, offered(evidence, base))
-    assert ("backlash",) not in {(start.name,) for (start,) in place.names()}
+    assert CATALOGUE["backlash"] not in {type(start) for (start,) in place.names()}
     looks = [place.look_at(starts) for starts in place.additions() if starts[0].name == "backlash"]
     assert base.rmse_um > 0.017
     assert all(np.std(np.concatenate(look.lefts)) < 0.011 for look in looks if look)  # the noise
