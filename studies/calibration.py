@@ -54,7 +54,9 @@ def answers(row: Row) -> dict[str, list[tuple[float, bool]]]:
     rivals = {n: frozenset((n, *step["indistinguishable"])) for n, step in added.items()}
     return {
         "added": [(p, n in there) for n, p in stated["effects"].items() if n in added],
-        "class": [(p, bool(rivals[n] & (there | alike))) for n, p in stated["classes"].items()],
+        "class": [
+            (stated["classes"][n], bool(those & (there | alike))) for n, those in rivals.items()
+        ],
         "not added": [(p, n in there) for n, p in stated["effects"].items() if n not in added],
         "other": [(stated["something else"], outside)],
         "none": [(stated["none"], not hidden and not outside)],

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from itertools import count
 
 import numpy as np
+from scipy.special import expit
 
 from rdpi_gym.diagnosis.beam.constants import (
     BEAM,
@@ -240,6 +241,12 @@ class Scores:
     def may_bend(self, one: Visited) -> bool:
         """Whether what a set leaves could pay for one of two forms."""
         return self._left(one) >= math.log(2.0)
+
+    def beyond(self, one: Visited) -> float:
+        """Return the weight of an unnamed cause that would leave nothing of a set above the floor."""
+        price = self._price + math.log(len(FREE_BLOCKS))
+        gain = self.draws @ self.of(one) * (sum(self.blocks.counts) / TEMPERATURE)
+        return float(expit(gain - price).mean())
 
     @property
     def _price(self) -> float:
