@@ -54,6 +54,7 @@ class Code(Enum):
     COMMAND_RANGE = "range of the command"
     BEGIN_AT_REST = "begin at rest"
     BEGIN_AFTER_CYCLE = "begin after a cycle"
+    FIT_THESE = "fit these records"  # records
     ONE_CLOCK = "one clock"
     SAMPLING_TIME = "sampling time"  # record
     TRIGGER = "trigger"  # record

@@ -564,6 +564,7 @@ NOTICES: Mapping[Code, str] = {
     Code.COMMAND_RANGE: "Record the command over its full range, or give the one that was sent.",
     Code.BEGIN_AT_REST: "Begin each record at rest, or with one cycle that may be left out.",
     Code.BEGIN_AFTER_CYCLE: "Begin each record at rest, after one full cycle.",
+    Code.FIT_THESE: "Give {0} as training records, and others of such a motion to validate.",
     Code.ONE_CLOCK: "Sample both channels by one clock.",
     Code.SAMPLING_TIME: "Check the sampling time of {0}, and give it as ts_s in dataset.toml.",
     Code.TRIGGER: "Check the trigger of {0}: sample both channels by one clock.",
@@ -606,6 +607,8 @@ RECORDS: Mapping[str, str] = {
     "motion, and what came before it is unknown.",
     "unknown past": "{samples} of {whole} samples at the beginning of {records} left out of the fit, of "
     "the verdict and of the errors: their history was not recorded.",
+    "exchanged": "{judged} agreed with the model to the noise and {fitted} did not: the model is fitted to "
+    "{fitted} and validated on {judged}.",
     "clock/lead by one": "{samples:~3} sample: by so much the {output} of {records} leads its command, "
     "which no plant does; it was moved later by that.",
     "clock/lead": "{samples:~3} samples: by so much the {output} of {records} leads its command, which "

@@ -126,6 +126,7 @@ def _findings(q: Quantities) -> Iterator[tuple[str, Any]]:
         "in motion": preprocessing._in_motion(one, few),
         "unknown past": preprocessing.unknown_past({"held": few}),
         "unknown pasts": preprocessing.unknown_past(dict.fromkeys("abcde", few)),
+        "exchanged": preprocessing.exchanged_roles([one], [one, one]),
         "lag": clock_finding(Clock("delay", "held", 0.00123), [one]),
         "lead": clock_finding(Clock("delay", "held", -0.00123), [one]),
         "stretch": clock_finding(Clock("step", "held", 0.693), [one]),

@@ -22,13 +22,14 @@ from rdpi_gym.diagnosis.features.noise import (
     slowness,
 )
 from rdpi_gym.diagnosis.notices import Statement
-from rdpi_gym.diagnosis.preprocessing import Finding, inspect, unknown_past
+from rdpi_gym.diagnosis.preprocessing import Finding, exchanged_roles, inspect, unknown_past
 from rdpi_gym.diagnosis.suitability import falls, thinned, turned
 from rdpi_gym.identification.joint import kept_samples
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.identification.plausibility import check_motion, check_scale, orientation
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record
+from rdpi_gym.measurement.record import Role
 from rdpi_gym.plant import CORES
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import CATALOGUE, Effect
@@ -113,6 +114,7 @@ class Evidence:
     reads_fewer: str | None = None  # Which samples a search reads, where it does not read all
     # What the simulation leaves open at each sample, by record, those to fit first (µm²)
     numerical_um2: tuple[Array, ...] = ()
+    is_exchanged: bool = False  # Whether the records to judge by are those that were given to fit
 
     @classmethod
     def of(cls, dataset: Dataset, offer: Offer | None = None) -> Evidence:
@@ -172,6 +174,22 @@ class Evidence:
             findings=(*self.findings, unknown_past(whole)),
         )
 
+    @property
+    def exchanged(self) -> Evidence:
+        """The records with those to judge by fitted, and those to fit to judge by."""
+        train, validation = self.validation, self.train
+        return replace(
+            self,
+            train=tuple(replace(r, role="train") for r in train),
+            validation=tuple(replace(r, role="validation") for r in validation),
+            read=_exchanged(self.read),
+            dataset=_exchanged(self.dataset),
+            findings=(*self.findings, exchanged_roles(train, validation)),
+            clockwise=orientation(train),
+            numerical_um2=(),
+            is_exchanged=True,
+        )
+
     def only_judges(self, clock: Clock) -> bool:
         """Whether a fault is of a record that nothing is fitted to."""
         return bool(clock.record) and all(r.name != clock.record for r in self.train)
@@ -206,6 +224,13 @@ class Evidence:
         kept = [*kept_samples(self.train, samples), *kept_samples(self.validation, samples)]
         pairs = zip(self.numerical_um2, kept, strict=True)
         return [np.sqrt(most_um**2 + opened[index]) for opened, index in pairs]
+
+
+def _exchanged(dataset: Dataset) -> Dataset:
+    """Return records of which those to fit and those to judge by have changed places."""
+    roles: Mapping[Role, Role] = {"train": "validation", "validation": "train"}
+    turned = [replace(r, role=roles.get(r.role, r.role)) for r in dataset.records]
+    return replace(dataset, records=tuple(turned))
 
 
 def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:

@@ -233,6 +233,11 @@ class Scores:
         """Whether all that is left could not pay for one effect more."""
         return self._left(one) < self._price
 
+    def is_elsewhere(self, one: Visited, fitted: int) -> bool:
+        """Whether the first records, to which a set is fitted, are at the floor, and others are not."""
+        count = sum(self.blocks.counts[:fitted])
+        return self._left(one, slice(count)) < self._price <= self._left(one, slice(count, None))
+
     def may_grow(self, one: Visited, best: Visited) -> bool:
         """Whether one effect more, were nothing left then, could make a set weigh more than the best one."""
         more = len(one.model.names) + 1 - len(best.model.names)
@@ -253,9 +258,9 @@ class Scores:
         """Least gain that pays for one effect more (nats)."""
         return log_prior(0, self.offered) - log_prior(1, self.offered)
 
-    def _left(self, one: Visited) -> float:
-        """Nats that a set leaves above the floor."""
-        ratio = self.blocks.ratios(one.lefts, self.floors_um)
+    def _left(self, one: Visited, part: slice = slice(None)) -> float:
+        """Nats that a set leaves above the floor, in all blocks or in a part of them."""
+        ratio = self.blocks.ratios(one.lefts, self.floors_um)[part]
         mean = float(np.log(np.maximum(ratio, 1e-12)).mean())
         return max(mean, 0.0) * ratio.size / TEMPERATURE
 
@@ -321,6 +326,10 @@ def searched(
             spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)
+            if scores.is_elsewhere(best, len(evidence.train)) and not evidence.is_exchanged:
+                other = searched(evidence.exchanged, jobs, seed, progress, on_visited)
+                if other[1].of(other[2]).mean() < scores.of(best).mean():
+                    return other
             break
         grows = scores.may_grow(one, best)
         if grows and one.model.core.name not in signatures:

@@ -70,6 +70,15 @@ def unknown_past(openings: Mapping[str, BoolArray]) -> Finding:
     return Finding("in motion", name, samples, text, Notice(Code.BEGIN_AFTER_CYCLE))
 
 
+def exchanged_roles(fitted: Sequence[Record], judged: Sequence[Record]) -> Finding:
+    """Say which records are fitted in the place of others, and why."""
+    names, others = (joined_records([r.name for r in part]) for part in (fitted, judged))
+    text = statement("exchanged", fitted=names, judged=others)
+    samples = sum(r.t_s.size for r in fitted)
+    name = names if len(fitted) == 1 else ""
+    return Finding("exchanged", name, samples, text, Notice(Code.FIT_THESE, (names,)))
+
+
 def inspect(dataset: Dataset) -> Inspected:
     """Look for what is no measurement: spikes, dropouts, clipping, clocks that part."""
     looked = {r.name: r for r in dataset.records if r.role != "test" and r.t_s.size >= _FEWEST}
@@ -274,8 +283,8 @@ class Finding:
     Parameters
     ----------
     kind
-        ``spikes``, ``dropout``, ``frozen``, ``clipped output``, ``clipped input``, ``clock`` or
-        ``in motion``.
+        ``spikes``, ``dropout``, ``frozen``, ``clipped output``, ``clipped input``, ``clock``,
+        ``in motion`` or ``exchanged``.
     record
         Name of the record; empty where it is said of several.
     samples

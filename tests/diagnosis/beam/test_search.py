@@ -54,6 +54,25 @@ def test_nothing_is_named_where_nothing_is_hidden():
     assert best.rmse_um == pytest.approx(0.01, rel=0.1)
 
 
+def test_what_the_records_to_judge_by_alone_show_is_fitted_there():
+    rails = CATALOGUE["saturation"].forms[0](high_V=30.0)
+    slow, fast = _records(replace(P10, effects=(rails,)))
+    within = replace(slow, u_V=0.6 * slow.u_V)
+    rng = np.random.default_rng(5)
+    y = Plant(replace(P10, effects=(rails,)), TS_S).simulate(within.u_V)
+    within = replace(within, y_um=y + 0.01 * rng.normal(size=y.size))
+    beam, scores, best = searched(Evidence.of(Dataset("rails", (within, fast))))
+    assert [e.name for e in best.model.effects] == ["saturation"]
+    assert best.rmse_um == pytest.approx(0.01, rel=0.1)
+    assert beam.evidence.is_exchanged
+    assert [r.name for r in beam.evidence.dataset.train] == [fast.name]
+    (finding,) = (f for f in beam.evidence.findings if f.kind == "exchanged")
+    assert finding.sentence == (
+        "steps-0 agreed with the model to the noise and steps-1 did not: the model is fitted to steps-1 "
+        "and validated on steps-0."
+    )
+
+
 @pytest.mark.slow
 def test_creep_is_named_and_its_probability_is_the_weight_of_its_sets(crept):
     scores, best, names = _searched(crept)
