@@ -39,14 +39,13 @@ def test_the_figures_are_those_of_the_second_study():
     for study, rows in cases[cases["study"] != "none"].groupby("study"):
         assert f"on {int((rows['additions'] > 0).sum())} of {len(rows)} |" in SECOND, study
     flowing = " ".join(SECOND.split())
-    assert f"every eighth of a thousand plants of a fresh seed, {len(cases)} in all" in flowing
+    assert f"every eighth of a thousand plants of a seed, {len(cases)} in all" in flowing
     assert cases.loc[cases["study"] == "single", "subject"].nunique() == 15
     stated = re.search(r"a clock fault stated .* \((\d+) of (\d+)\)", table)
-    assert f"no clock fault is stated of {stated[2]} sound data sets" in flowing
-    assert stated[1] == "0"
-    assert "--seed 2033 --part 1/8" in SECOND
-    found = 100.0 * (cases["wrong_found"] > 0).mean()
-    assert f"found on {found:.1f} % of them" in flowing
+    assert f"a clock fault is stated of {stated[1]} of {stated[2]} sound data sets" in flowing
+    assert "--seed 2033 --part 2/8" in SECOND
+    found, either = (100.0 * (cases[n] > 0).mean() for n in ("wrong_found", "additions"))
+    assert f"found on {found:.1f} % of them (asked: 5 %), found or likely on {either:.1f} %" in flowing
     said = re.search(r"left is true .*\((\d+ of \d+)\)", table)
     assert f"| {said[1]} | |" in SECOND
 
