@@ -71,9 +71,7 @@ rdpi bench --full --out results/full
 The first ranks the controllers that ship on 20 test plants of two tasks, the second on 100 plants of every task; both go on where they were interrupted, and
 `--ray HOST:PORT` runs them on a cluster. `--controller my_controller:make` adds your own.
 
-[The ranking](../studies/results/stages/tasks.md), older than `adaptive-core-bank` and than settings on Creep and Measured,
-says [what figures mean](../studies/results/stages/tasks.md#what-the-figures-mean); with both: [100 plants of five
-tasks](../studies/results/stages/bank/tasks.md), [20 of seven](../studies/results/stages/bank_others/tasks.md).
+[The ranking](../studies/results/stages/tasks.md) of 100 plants a task says [what figures mean](../studies/results/stages/tasks.md#what-the-figures-mean).
 Beside the ranking stand `{HORIZON_BOUND}`, the bound with everybody's preview, and where others believe another kind `{RIGHT_KIND}`; `--no-bound` leaves both out. The bound of `rdpi bench` without tasks is
 another one.
 
