@@ -61,7 +61,7 @@ def test_what_the_records_to_judge_by_alone_show_is_fitted_there():
     rng = np.random.default_rng(5)
     y = Plant(replace(P10, effects=(rails,)), TS_S).simulate(within.u_V)
     within = replace(within, y_um=y + 0.01 * rng.normal(size=y.size))
-    beam, scores, best = searched(Evidence.of(Dataset("rails", (within, fast))))
+    beam, _, best = searched(Evidence.of(Dataset("rails", (within, fast))))
     assert [e.name for e in best.model.effects] == ["saturation"]
     assert best.rmse_um == pytest.approx(0.01, rel=0.1)
     assert beam.evidence.is_exchanged
