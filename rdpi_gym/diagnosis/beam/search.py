@@ -327,8 +327,9 @@ def searched(
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)
             if scores.is_elsewhere(best, len(evidence.train)) and not evidence.is_exchanged:
-                other = searched(evidence.exchanged, jobs, seed, progress, on_visited)
-                if other[1].of(other[2]).mean() < scores.of(best).mean():
+                again = partial(searched, evidence.exchanged, jobs, seed, progress, on_visited)
+                other = or_none(again, evidence.offer.kept)
+                if other and other[1].of(other[2]).mean() < scores.of(best).mean():
                     return other
             break
         grows = scores.may_grow(one, best)
