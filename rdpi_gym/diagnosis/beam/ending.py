@@ -289,11 +289,11 @@ def _beside_others(course: Course, candidate: Candidate) -> Candidate:
 def _probabilities(course: Course) -> Probabilities:
     """Return the weights of the sets by the names that they have.
 
-    Where no name is borne, what the best set leaves above the floor has a cause outside the catalogue.
+    Where no name is found or likely, what the best set leaves above the floor has a cause outside the catalogue.
     """
     kinds = course.evidence.offer.effects
-    borne = any(each.grade in ("found", "likely") for each in course.names.values())
-    beyond = 0.0 if borne else course.scores.beyond(course.best)
+    named = any(each.grade in ("found", "likely") for each in course.names.values())
+    beyond = 0.0 if named else course.scores.beyond(course.best)
     effects = {n: each.probability for n, each in course.names.items() if n in kinds}
     effects = dict(sorted(effects.items(), key=lambda item: -item[1]))
     added = [effect.name for effect in course.effects_of(course.best.model)]

@@ -177,15 +177,15 @@ class Evidence:
     @property
     def exchanged(self) -> Evidence:
         """The records with those to judge by fitted, and those to fit to judge by."""
-        train, validation = self.validation, self.train
+        read = _exchanged(self.read)
         return replace(
             self,
-            train=tuple(replace(r, role="train") for r in train),
-            validation=tuple(replace(r, role="validation") for r in validation),
-            read=_exchanged(self.read),
+            train=read.train,
+            validation=read.validation,
+            read=read,
             dataset=_exchanged(self.dataset),
-            findings=(*self.findings, exchanged_roles(train, validation)),
-            clockwise=orientation(train),
+            findings=(*self.findings, exchanged_roles(read.train, read.validation)),
+            clockwise=orientation(read.train),
             numerical_um2=(),
             is_exchanged=True,
         )

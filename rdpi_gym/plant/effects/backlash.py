@@ -76,7 +76,7 @@ class Backlash(Effect):
     )
     stands_still = True
     block = staticmethod(backlash_block)
-    state_rows = rows(1)  # last output
+    state_rows = rows(1)  # last output of the play
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
@@ -99,7 +99,7 @@ def bridged_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Arra
 
 
 @dataclass(frozen=True)
-class BridgedGap(Effect, of=Backlash):
+class BridgedGap(Backlash, of=Backlash):
     """Gap bridged by a spring, which moves the load by a share of the motion inside it.
 
     Examples
@@ -108,9 +108,6 @@ class BridgedGap(Effect, of=Backlash):
     [0.0, 1.6, 1.5, 0.4]
     """
 
-    half_width_um: float = parameter(
-        0.3, "µm", 0.0, 50.0, (0.05, 0.5), "half of the gap, w", neutral=0.0
-    )
     bridge: float = parameter(0.2, "", 1e-3, 1.0, (0.05, 0.5), "share of the bridge, c")
 
     form = "bridged by a spring"
@@ -122,17 +119,7 @@ class BridgedGap(Effect, of=Backlash):
     signature = (
         "A smaller slope after every reversal, however small the motion, until the gap is crossed."
     )
-    stands_still = True
     block = staticmethod(bridged_block)
-    state_rows = rows(1)  # last output of the play
-
-    @classmethod
-    def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """Gaps from small to wide with a soft bridge."""
-        shares = (3e-3, 0.03, 0.2)
-        return tuple(
-            cls.within_bounds(half_width_um=k * scale.stroke_um, bridge=0.2) for k in shares
-        )
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
