@@ -8,9 +8,10 @@
    fitted to what it is scored on: stretches of the records to fit are left out in turn by one
    Gauss-Newton step, the records to judge by are never fitted (``score``). Numbers that tell of the
    experiment and not of the plant, as offsets and all that goes by the clock do, go on into the records
-   to judge by: each stretch is predicted from the others. The opening of a record of which nobody
-   recorded the past does not count where it spoils the fit of the rest by more than its phantom, as
-   many samples at the end, and no initial memory takes most of that (``openings``).
+   to judge by: each stretch is predicted from the others. A record whose opening spoils the
+   fit of the rest by more than its phantom does, as many samples at the end, and beside any initial
+   memory, counts where its memory is known but for an offset: in stretches in which the command stays
+   within the range that it has passed, each with its own offset (``openings``).
 3. A move is better where its set outweighs the one that it is of, in the mean over the bootstrap: by
    the gain over the blocks, the prior, and less what its phantoms gain, the same effect or clock fault
    driven by the command in reverse or of another record, less what its own columns explain

@@ -22,7 +22,13 @@ from rdpi_gym.diagnosis.features.noise import (
     slowness,
 )
 from rdpi_gym.diagnosis.notices import Statement
-from rdpi_gym.diagnosis.preprocessing import Finding, exchanged_roles, inspect, unknown_past
+from rdpi_gym.diagnosis.preprocessing import (
+    Finding,
+    exchanged_roles,
+    inspect,
+    stretches,
+    unknown_past,
+)
 from rdpi_gym.diagnosis.suitability import falls, thinned, turned
 from rdpi_gym.identification.joint import kept_samples
 from rdpi_gym.identification.least_squares import BoolArray
@@ -157,21 +163,23 @@ class Evidence:
         return replace(self, train=train, validation=validation, noise=noise, read=self.dataset)
 
     def spared(self, names: Collection[str], at_end: bool = False) -> Evidence:
-        """Return the records without the openings of some: these are simulated and not scored.
+        """Return some records in the stretches of which memory is known, each with its own offset.
 
-        Or without as many samples at the ends.
+        Or in as many stretches of as many samples, the other way round in time.
         """
-        turn = -1 if at_end else 1
-        read, whole = ({name: self.openings[name][k][::turn] for name in names} for k in (0, 1))
-        part = _without(self.read, read)
+        part, whole = (_in_stretches(each, names, at_end) for each in (self.read, self.dataset))
+        left = {r.name: r.error_mask.copy() for r in self.dataset.records if r.name in names}
+        for record in whole.records:
+            if record.name in left:
+                left[record.name] &= ~record.error_mask
         return replace(
             self,
             train=part.train,
             validation=part.validation,
             read=part,
-            dataset=_without(self.dataset, whole),
-            openings={name: own for name, own in self.openings.items() if name not in read},
-            findings=(*self.findings, unknown_past(whole)),
+            dataset=whole,
+            openings={name: own for name, own in self.openings.items() if name not in names},
+            findings=(*self.findings, unknown_past(left)),
         )
 
     @property
@@ -233,10 +241,11 @@ def _exchanged(dataset: Dataset) -> Dataset:
     return replace(dataset, records=tuple(turned))
 
 
-def _without(dataset: Dataset, masks: Mapping[str, BoolArray]) -> Dataset:
-    """Return records of which some samples do not count."""
-    shorter = [
-        replace(r, error_mask=r.error_mask & ~masks[r.name]) if r.name in masks else r
-        for r in dataset.records
-    ]
-    return replace(dataset, records=tuple(shorter))
+def _in_stretches(dataset: Dataset, names: Collection[str], at_end: bool) -> Dataset:
+    """Return some records once for each stretch of known memory, the only one that counts in it."""
+    found = list[Record]()
+    for record in dataset.records:
+        masks = stretches(record) if record.name in names else []
+        turn = -1 if at_end else 1
+        found += [replace(record, error_mask=mask[::turn]) for mask in masks] or [record]
+    return replace(dataset, records=tuple(found))

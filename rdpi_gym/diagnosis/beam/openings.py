@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.beam.constants import DRAWS, FIT_SAMPLES, LEVEL, MOST_BLOCKS
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
@@ -28,8 +29,8 @@ def without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
 
     Refitted without them, the set misses these openings by more than as much of the rest of their
     records; it fits the rest better by the one decision, beyond what leaving out as many samples at
-    the records' ends gains, their phantom; and an initial memory that all records share, that of the
-    set or the best one beside it, takes less of the openings than it leaves of them and of the rest.
+    the records' ends gains, their phantom; and beside an initial memory that all records share, that of
+    the set or the best one, it misses openings still.
     """
     return or_none(partial(_without_unknown_past, evidence, of), of.model.effects)
 
@@ -47,68 +48,63 @@ def _without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
     without = refitted(evidence.spared(names), of.model) if names else None
     if without is None:
         return None
-    parts = {n: own for n, own in _parts(evidence, without).items() if n in names}
-    spoilt = [name for name, own in parts.items() if _stands_out(*own) * len(parts) < LEVEL]
+    spoilt = _spoilt(evidence, without, names)
     if not spoilt:
         return None
     spared = evidence.spared(spoilt)
-    both = [refitted(each, of.model) for each in (spared, evidence.spared(spoilt, at_end=True))]
+    ends = evidence.spared(spoilt, at_end=True)
+    both = [refitted(each, of.model) for each in (spared, ends)]
     if any(one is None for one in both):
         return None
     without, phantom = (one for one in both if one is not None)
     memory = own or _remembering(evidence, of)
     floor_um = evidence.floor_um(without.lefts)
-    here, there, least = (
-        _scores(evidence, one, spoilt, floor_um) for one in (of, phantom, without)
-    )
+    here, there, least = (_scores(spared, ends, one, floor_um) for one in (of, phantom, without))
     bar, draws = max(float((here - there).mean()), 0.0), draw_blocks(least.size)
     if chances((here - least)[None], np.array([bar]), draws)[0] >= LEVEL:
         return None
-    if memory is not None:
-        kept = _scores(evidence, memory, spoilt, floor_um)
-        missed, left = (_opened(evidence, one, spoilt) for one in (without, memory))
-        if float((missed - left).sum()) > float(left.sum()) + float((kept - least).sum()):
-            return None
-    return spared
+    return spared if memory is None or _spoilt(evidence, memory, spoilt) else None
 
 
-def _marked(evidence: Evidence, of: Visited) -> list[tuple[str, BoolArray, Array]]:
-    """By record, which samples are of its opening, and what the model of a set leaves (µm)."""
+def _spoilt(evidence: Evidence, of: Visited, names: Collection[str]) -> list[str]:
+    """Return the records of whose openings a set misses more than of as much of the rest."""
+    parts = {name: own for name, own in _parts(evidence, of).items() if name in names}
+    return [name for name, own in parts.items() if _stands_out(*own) * len(parts) < LEVEL]
+
+
+def _residuals(evidence: Evidence, of: Visited) -> list[tuple[str, NDArray[np.intp], Array]]:
+    """By record, its name, the samples that enter the squares, and what a set leaves of them (µm)."""
     here, found = evidence.mended(of.model.clocks), []
     variant = Variant(of.model.core, of.model.effects)
     for part in (here.train, here.validation):
-        kept, lefts = kept_samples(part, FIT_SAMPLES), residuals(part, variant, FIT_SAMPLES)
-        for record, index, left in zip(part, kept, lefts, strict=True):
-            known = np.zeros(record.u_V.size, dtype=np.bool_)
-            early = evidence.openings.get(record.name, (known, known))[0][index]
-            found.append((record.name, early, left))
+        lefts = residuals(part, variant, FIT_SAMPLES)
+        names = [record.name for record in part]
+        found += list(zip(names, kept_samples(part, FIT_SAMPLES), lefts, strict=True))
     return found
 
 
 def _parts(evidence: Evidence, of: Visited) -> Mapping[str, tuple[Array, Array]]:
     """Return what a set leaves of the opening of each record, and of the rest (µm)."""
-    return {
-        name: (left[early] - left[~early].mean(), left[~early] - left[~early].mean())
-        for name, early, left in _marked(evidence, of)
-        if early.any() and not early.all()
-    }
+    found = {}
+    for name, index, left in _residuals(evidence, of):
+        known = evidence.openings.get(name)
+        early = np.zeros(index.size, dtype=np.bool_) if known is None else known[0][index]
+        if early.any() and not early.all():
+            found[name] = left[early] - left[~early].mean(), left[~early] - left[~early].mean()
+    return found
 
 
-def _scores(evidence: Evidence, of: Visited, names: Collection[str], floor_um: float) -> Array:
-    """Score blocks of all records, but for the openings of some and as many samples at their ends."""
+def _scores(spared: Evidence, ends: Evidence, of: Visited, floor_um: float) -> Array:
+    """Score blocks of the samples that count without the openings and without the ends of records."""
+    counts: dict[str, BoolArray] = {}
+    for record in (*ends.train, *ends.validation):
+        counts[record.name] = counts.get(record.name, False) | record.error_mask
     found = []
-    for name, early, left in _marked(evidence, of):
-        count = int(early.sum()) if name in names else 0
-        middle = left[count : left.size - count] if 2 * count < left.size else left[count:]
-        found.append(_mean_squares(middle - middle.mean(), MOST_BLOCKS))
+    for name, index, left in _residuals(spared, of):
+        own = left[counts[name][index]]
+        if own.size:
+            found.append(_mean_squares(own - own.mean(), MOST_BLOCKS))
     return np.log(np.maximum(np.concatenate(found) / floor_um**2, 1.0))
-
-
-def _opened(evidence: Evidence, of: Visited, names: Collection[str]) -> Array:
-    """Score blocks of the openings of some records, over what is left of the rest of each."""
-    parts = [own for name, own in _parts(evidence, of).items() if name in names]
-    ratios = [_mean_squares(opened, _blocks(opened, rest)) / np.var(rest) for opened, rest in parts]
-    return np.asarray(np.log(np.maximum(np.concatenate(ratios), 1.0)))
 
 
 def _blocks(opened: Array, rest: Array) -> int:

@@ -229,6 +229,10 @@ class Scores:
         """Score of each block of a set (nats)."""
         return self.blocks.scores(one.lefts, self.floors_um)
 
+    def log_weight(self, one: Visited) -> float:
+        """Logarithm of the weight of a set, but for a constant (nats)."""
+        return self._prior(one) - float(self.of(one).sum()) / TEMPERATURE
+
     def is_at_floor(self, one: Visited) -> bool:
         """Whether all that is left could not pay for one effect more."""
         return self._left(one) < self._price
@@ -329,7 +333,7 @@ def searched(
             if scores.is_elsewhere(best, len(evidence.train)) and not evidence.is_exchanged:
                 again = partial(searched, evidence.exchanged, jobs, seed, progress, on_visited)
                 other = or_none(again, evidence.offer.kept)
-                if other and other[1].of(other[2]).mean() < scores.of(best).mean():
+                if other and other[1].log_weight(other[2]) > scores.log_weight(best):
                     return other
             break
         grows = scores.may_grow(one, best)

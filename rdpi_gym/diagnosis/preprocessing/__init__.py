@@ -212,11 +212,12 @@ def _clocks(
     return found
 
 
-# Of the swing: an extremum has been passed. The further ones count where the nearest is passed late.
-_NEAR = (0.02, 0.1, 0.2)
-# Of the record: what is left out never outweighs what a model is judged by. Where the last fiftieth
-# of the swing comes later, memory of nine tenths of it is known long before.
-_LONGEST = 0.5
+# Of the swing: by so much may the range grow within a stretch. The further ones count where the nearest
+# keeps too little.
+_NEAR = (0.002, 0.02, 0.1, 0.2)
+_KEPT = 0.75  # Of the samples that count: little is left out where the range allows it
+_STRETCHES = 3  # Of a record, the longest: each has an offset of its own to fit
+_SHORTEST = 0.05  # Of a record: of a shorter stretch an offset takes most
 _FEWEST_LEFT = 16
 _WIDE = 0.3  # of the widest swing: memory shows
 _ALIKE_NOISE, _ALIKE = 2.0, 2e-3  # times the noise; of the stroke
@@ -224,29 +225,44 @@ _SEEN_NOISE, _SEEN = 3.0, 0.01  # half of the way between branches, where there 
 _DEGREE = 5
 
 
-def opening(record: Record) -> BoolArray | None:
-    """Samples before the command has passed both of its extremes, where memory is unknown.
+def stretches(record: Record) -> list[BoolArray]:
+    """Samples of a record whose memory is known but for an offset, stretch by stretch.
 
-    Only plays that are wider than the swing go on from before, and they do not move. Where the
-    extremes are passed late, most of the swing has to do: at most half of the record, and where even
-    that comes later, at most the first cycle and a quarter of the record.
+    A stretch is where the command stays within the range that it has passed before. A play that is
+    narrower than the range has forgotten how the record began, and a wider one does not move there.
     """
-    u = record.u_V
-    swing = float(np.ptp(u))
-    passed = [
-        1 + max(int(np.argmax(u >= u.max() - near)), int(np.argmax(u <= u.min() + near)))
-        for near in (share * swing for share in _NEAR)
-    ]
-    edges = half_cycles(u, record.ts_s).edges
-    cycle = int(edges[3]) if edges.size > 3 else u.size
-    early = min(passed[0], cycle, u.size // 4)
-    last = max(early, next((end for end in passed if end <= _LONGEST * u.size), early))
-    mask = np.zeros(u.size, dtype=np.bool_)
-    mask[:last] = True
-    kept = int((record.error_mask & ~mask).sum())
-    if last < 3 or kept < _FEWEST_LEFT or not (mask & record.error_mask).any():
+    whole = record.with_history.u_V
+    span_V = np.maximum.accumulate(whole) - np.minimum.accumulate(whole)
+    before, found = record.before_V.size, list[BoolArray]()
+    for near in _NEAR:
+        ends = np.searchsorted(span_V, span_V + near * span_V[-1], "right")
+        found, start = [], before
+        while start < whole.size:
+            end = int(ends[start])
+            if end - start >= _SHORTEST * record.u_V.size:
+                mask = np.zeros_like(record.error_mask)
+                mask[start - before : end - before] = record.error_mask[
+                    start - before : end - before
+                ]
+                found.append(mask)
+                start = end
+            else:
+                start += 1
+        found = [mask for mask in found if mask.sum() >= _FEWEST_LEFT]
+        longest = sorted((int(mask.sum()) for mask in found), reverse=True)[:_STRETCHES]
+        found = [mask for mask in found if longest and mask.sum() >= longest[-1]]
+        if sum(longest) >= _KEPT * record.error_mask.sum():
+            break
+    return found
+
+
+def opening(record: Record) -> BoolArray | None:
+    """Samples before the longest stretch of known memory; None where nothing is before it."""
+    known = max(stretches(record), key=np.count_nonzero, default=None)
+    if known is None:
         return None
-    return mask
+    mask = np.arange(known.size) < int(np.argmax(known))
+    return mask if mask.sum() >= 3 and (mask & record.error_mask).any() else None
 
 
 def begins_in_motion(record: Record, start: BoolArray, span_V: float) -> bool:
