@@ -226,39 +226,31 @@ _DEGREE = 5
 
 
 def stretches(record: Record) -> list[BoolArray]:
-    """Samples of a record whose memory is known but for an offset, stretch by stretch.
+    """Samples of a record whose memory is known but for an offset, stretch by stretch, the longest first.
 
     A stretch is where the command stays within the range that it has passed before. A play that is
     narrower than the range has forgotten how the record began, and a wider one does not move there.
     """
-    whole = record.with_history.u_V
-    span_V = np.maximum.accumulate(whole) - np.minimum.accumulate(whole)
-    before, found = record.before_V.size, list[BoolArray]()
+    whole, before = record.with_history.u_V, record.before_V.size
+    span_V = (np.maximum.accumulate(whole) - np.minimum.accumulate(whole))[before:]
+    places, found = np.arange(span_V.size), list[BoolArray]()
     for near in _NEAR:
         ends = np.searchsorted(span_V, span_V + near * span_V[-1], "right")
-        found, start = [], before
-        while start < whole.size:
-            end = int(ends[start])
-            if end - start >= _SHORTEST * record.u_V.size:
-                mask = np.zeros_like(record.error_mask)
-                mask[start - before : end - before] = record.error_mask[
-                    start - before : end - before
-                ]
-                found.append(mask)
-                start = end
-            else:
-                start += 1
-        found = [mask for mask in found if mask.sum() >= _FEWEST_LEFT]
-        longest = sorted((int(mask.sum()) for mask in found), reverse=True)[:_STRETCHES]
-        found = [mask for mask in found if longest and mask.sum() >= longest[-1]]
-        if sum(longest) >= _KEPT * record.error_mask.sum():
+        found, end = [], 0
+        for start in np.flatnonzero(ends - places >= _SHORTEST * span_V.size):
+            if start >= end:
+                end = ends[start]
+                found.append(record.error_mask & (start <= places) & (places < end))
+        found.sort(key=np.count_nonzero, reverse=True)
+        found = [mask for mask in found[:_STRETCHES] if mask.sum() >= _FEWEST_LEFT]
+        if sum(mask.sum() for mask in found) >= _KEPT * record.error_mask.sum():
             break
     return found
 
 
 def opening(record: Record) -> BoolArray | None:
     """Samples before the longest stretch of known memory; None where nothing is before it."""
-    known = max(stretches(record), key=np.count_nonzero, default=None)
+    known = next(iter(stretches(record)), None)
     if known is None:
         return None
     mask = np.arange(known.size) < int(np.argmax(known))
