@@ -162,23 +162,27 @@ class Evidence:
         noise = measured_noise(quiet_noise(self.dataset.quiet), tuple(whole.values()))
         return replace(self, train=train, validation=validation, noise=noise, read=self.dataset)
 
-    def spared(self, names: Collection[str], at_end: bool = False) -> Evidence:
-        """Return some records in the stretches of which memory is known, each with its own offset.
+    def spared(self, at_end: bool = False) -> Evidence:
+        """Return the records in the stretches of which memory is known, each with its own offset.
 
         Or in as many stretches of as many samples, the other way round in time.
         """
-        part, whole = (_in_stretches(each, names, at_end) for each in (self.read, self.dataset))
-        left = {r.name: r.error_mask.copy() for r in self.dataset.records if r.name in names}
+        read, whole = (
+            _in_stretches(each, self.openings, at_end) for each in (self.read, self.dataset)
+        )
+        left = {
+            r.name: r.error_mask.copy() for r in self.dataset.records if r.name in self.openings
+        }
         for record in whole.records:
             if record.name in left:
                 left[record.name] &= ~record.error_mask
         return replace(
             self,
-            train=part.train,
-            validation=part.validation,
-            read=part,
+            train=read.train,
+            validation=read.validation,
+            read=read,
             dataset=whole,
-            openings={name: own for name, own in self.openings.items() if name not in names},
+            openings={},
             findings=(*self.findings, unknown_past(left)),
         )
 

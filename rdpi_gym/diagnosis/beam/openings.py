@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -25,12 +25,12 @@ _MEMORY = "initial_memory"
 
 
 def without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
-    """Return the records without the openings that spoil a set; None where all may count.
+    """Return the records in stretches of known memory where openings spoil a set; None where all count.
 
-    Refitted without them, the set misses these openings by more than as much of the rest of their
-    records; it fits the rest better by the one decision, beyond what leaving out as many samples at
-    the records' ends gains, their phantom; and beside an initial memory that all records share, that of
-    the set or the best one, it misses openings still.
+    Refitted to the stretches, the set misses the opening of some record by more than as much of the
+    rest; it fits the rest better by the one decision, beyond what as many stretches the other way round
+    in time gain, their phantom; and beside an initial memory that all records share, that of the set or
+    the best one, it misses an opening still.
     """
     return or_none(partial(_without_unknown_past, evidence, of), of.model.effects)
 
@@ -43,33 +43,28 @@ def _without_unknown_past(evidence: Evidence, of: Visited) -> Evidence | None:
         if bare is None:
             return None
         of = bare
-    names = [r.name for r in (*evidence.train, *evidence.validation)]
-    names = [name for name in dict.fromkeys(names) if name in evidence.openings]
-    without = refitted(evidence.spared(names), of.model) if names else None
-    if without is None:
+    if not evidence.openings:
         return None
-    spoilt = _spoilt(evidence, without, names)
-    if not spoilt:
+    spared, ends = evidence.spared(), evidence.spared(at_end=True)
+    without = refitted(spared, of.model)
+    if without is None or not _is_spoilt(evidence, without):
         return None
-    spared = evidence.spared(spoilt)
-    ends = evidence.spared(spoilt, at_end=True)
-    both = [refitted(each, of.model) for each in (spared, ends)]
-    if any(one is None for one in both):
+    phantom = refitted(ends, of.model)
+    if phantom is None:
         return None
-    without, phantom = (one for one in both if one is not None)
     memory = own or _remembering(evidence, of)
     floor_um = evidence.floor_um(without.lefts)
     here, there, least = (_scores(spared, ends, one, floor_um) for one in (of, phantom, without))
     bar, draws = max(float((here - there).mean()), 0.0), draw_blocks(least.size)
     if chances((here - least)[None], np.array([bar]), draws)[0] >= LEVEL:
         return None
-    return spared if memory is None or _spoilt(evidence, memory, spoilt) else None
+    return spared if memory is None or _is_spoilt(evidence, memory) else None
 
 
-def _spoilt(evidence: Evidence, of: Visited, names: Collection[str]) -> list[str]:
-    """Return the records of whose openings a set misses more than of as much of the rest."""
-    parts = {name: own for name, own in _parts(evidence, of).items() if name in names}
-    return [name for name, own in parts.items() if _stands_out(*own) * len(parts) < LEVEL]
+def _is_spoilt(evidence: Evidence, of: Visited) -> bool:
+    """Whether a set misses more of the opening of some record than of as much of the rest."""
+    parts = _parts(evidence, of).values()
+    return any(_stands_out(*own) * len(parts) < LEVEL for own in parts)
 
 
 def _residuals(evidence: Evidence, of: Visited) -> list[tuple[str, NDArray[np.intp], Array]]:

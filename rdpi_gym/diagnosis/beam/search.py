@@ -389,10 +389,16 @@ def _led(beam: Beam, stage: Stage) -> tuple[Scores, Visited]:
 
 
 def best_of(beam: Beam, scores: Scores) -> Visited:
-    """Return the accepted set of the largest weight."""
+    """Return the accepted set of the largest weight, of those with the names that weigh most in all forms."""
     mean = scores.weights.mean(axis=0)
-    chosen = [k for k, one in enumerate(scores.sets) if one.key in beam.accepted]
-    return scores.sets[max(chosen, key=lambda k: mean[k])]
+    named: dict[tuple[str, frozenset[str]], float] = {}
+    chosen = []
+    for k, one in enumerate(scores.sets):
+        if one.key in beam.accepted:
+            names = one.model.core.name, one.model.names
+            named[names] = named.get(names, 0.0) + float(mean[k])
+            chosen.append((k, names))
+    return scores.sets[max(chosen, key=lambda own: (named[own[1]], mean[own[0]]))[0]]
 
 
 def _next(beam: Beam, scores: Scores, best: Visited, done: Collection[Key]) -> Visited | None:
