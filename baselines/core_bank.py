@@ -20,7 +20,9 @@ constant             unit                       meaning, and reason
 ``TUNED_TS_S``       s                          sampling time at which the settings were tuned; memory and
                                                 dynamics are as many samples at any other, since a loop is
                                                 sampled as fast as it moves
-``TRIES``            1                          commands tried for a sample; a third lowers no error by 1 %
+``TRIES``            1                          commands tried for a sample; a third costs half of the error
+                                                where nothing lags, as the exact inverse of a rate rings, and
+                                                gains a sixth on steps
 ``LEAST_SLOPE``,     believed largest gain      bounds of a chord's slope: within a factor of three of any
 ``LARGEST_SLOPE``                               mixture that has an inverse; wider ones let a mixture without
                                                 one make much of roundings
