@@ -420,12 +420,14 @@ class BankFeedforward(CorrectedAdaptive):
         """Return the delay: without the lag in front no other lead is better."""
         return round(delay)
 
-    def passed(self, correction_um: Array, state: Array) -> Array:
-        """Return the correction behind the believed lag, since the bank undoes it: the loop is as designed."""
+    def corrected(self, wanted_um: Array, state: Array, *corrections_um: Array) -> Array:
+        """Add the corrections behind the believed lag, since the bank undoes it: the loop is as designed."""
+        correction, *more = corrections_um
+        for each in more:
+            correction = correction + each
         passed = self.rows.of(state, "passed_um")
-        passed[0] = self.bank.lag * passed[0] + (1.0 - self.bank.lag) * correction_um
-        added: Array = passed[0].copy()
-        return added
+        passed[0] = self.bank.lag * passed[0] + (1.0 - self.bank.lag) * correction
+        return super().corrected(wanted_um, state, passed[0].copy())
 
     def inverse_at_rest(self, reference_um: Array) -> Array:
         """Return the bank's memory at rest, its first row the last command (V)."""

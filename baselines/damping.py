@@ -177,11 +177,13 @@ class CorrectedAdaptive(AdaptiveFeedforward):
         measured = self.layout.measured_um(observation)
         now = self.layout.reference_um(observation, slice(1))[:, 0]
         wanted = self.wanted_um(observation, measured, now, state)
-        return self.driven(observation, wanted + self.passed(correction_um, state), state)
+        return self.driven(observation, self.corrected(wanted, state, correction_um), state)
 
-    def passed(self, correction_um: Array, state: Array) -> Array:
-        """Return what of a correction is added to w (µm), ``(B,)``: all of it."""
-        return correction_um
+    def corrected(self, wanted_um: Array, state: Array, *corrections_um: Array) -> Array:
+        """Return w with its corrections (µm), ``(B,)``, added one after the other."""
+        for correction in corrections_um:
+            wanted_um = wanted_um + correction
+        return wanted_um
 
 
 class AdaptiveDualLoop(DualLoop):

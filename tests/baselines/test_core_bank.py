@@ -80,7 +80,7 @@ def test_a_correction_passes_the_believed_lag_that_the_bank_undoes():
     for effects, first in (((), 1.0), ((ActuatorLag(time_constant_s=2e-4),), 1.0 - np.exp(-0.5))):
         made = BankFeedforward(replace(belief, effects=effects), layout)
         state = made.start(np.zeros(1))
-        passed = [made.passed(np.ones(1), state)[0] for _ in range(40)]
+        passed = [made.corrected(np.zeros(1), state, np.ones(1))[0] for _ in range(40)]
         assert passed[0] == pytest.approx(first)
         assert passed[-1] == pytest.approx(1.0)
 
