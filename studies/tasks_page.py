@@ -79,9 +79,11 @@ another one.
 ```bash
 rdpi bench --task Duhem --draws 10 --controllers hybrid,{INFORMATION} --out results/information
 rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against results/tasks/task-rows.csv.gz
+rdpi bench --task Stage,Load --draws 20 --controllers hybrid --no-bound --among results/tasks --out results/tasks
 ```
 
 The first divides errors by the [information bound](../studies/results/stages/information/tasks.md). The second says how many of a table's rows come out the same: every run leaves `task-rows.csv.gz`.
+The third scores one controller of a table anew and ranks it among the others, whose rows stay as they are.
 
 ## What a controller may know
 
