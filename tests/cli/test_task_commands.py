@@ -117,7 +117,7 @@ def test_bad_words_are_answered_in_one_line(capsys, tmp_path_factory, monkeypatc
     for words, said in [
         (["bench", "--task", "Stag"], "did you mean 'Stage'"),
         (["bench", "--task", "Stage", "--plants", "P5"], "--plants is not for registered tasks"),
-        (["bench", "--draws", "3"], "--against are of registered tasks"),
+        (["bench", "--draws", "3"], "--among are of registered tasks"),
         (["bench", "--full", "--task", "Stage"], "--full is every task"),
         (["bench", "--task", "Bare", "--seed-file", "no-such-file"], "no-such-file cannot be read"),
         (["submit", "pii"], "did you mean 'pi'"),
