@@ -67,7 +67,9 @@ def put_among(rows: Sequence[Row], folder: Path) -> list[Row]:
     fresh = {tuple(row[name] for name in _KEY): row for row in rows}
     anew = {key[:2] for key in fresh}
     merged: list[Row] = []
-    for row in _read(folder / FILE).fillna({"failure": ""}).to_dict("records"):
+    stated = _read(folder / FILE).fillna({"failure": ""})
+    for values in stated.itertuples(index=False, name=None):
+        row: Row = dict(zip(_COLUMNS, values, strict=True))
         key = tuple(row[name] for name in _KEY)
         if key in fresh:
             merged.append(fresh.pop(key))
