@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
@@ -105,14 +106,16 @@ class AdaptiveFeedforward(Tunable):
         Knob("doubt", 5e-4, 0.1, 1.5e-2, logarithmic=True),
         Knob("dynamics_s", 3e-5, 3e-3, 3e-4, "s", logarithmic=True),
     )
+    half: ClassVar[int] = HALF  # of the samples that the estimate takes derivatives of y from
 
     def __init__(
         self, belief: PlantModel, layout: ObservationLayout, settings: Settings | None = None
     ) -> None:
         super().__init__(belief, layout, settings)
         ts, scale = layout.ts_s, layout.scale_um
-        delay, series = linear_inverse(belief, ts)
-        self.wanted_lead = round(self.settings["lead_samples"] + delay)
+        delay, series = self.behind()
+        self.wanted_lead = self.leads(delay)
+        self.spline = spline_weights(2 * self.half)[: len(SPLINE)]
         self.lead = max(1, min(self.wanted_lead, layout.preview - 1 - HALF))
         prior = np.convolve(series, look_ahead(delay - self.lead))[1:4].tolist()
         self.thresholds_um = scale * np.array(PLAYS)
@@ -129,14 +132,14 @@ class AdaptiveFeedforward(Tunable):
             ts_s=ts,
         )
         self.monitor = RingingMonitor(BAND_HZ, scale, ts)
-        # Reference times of the correction that acts at k + 1, and those of the fit's five samples.
+        # Reference times of the five samples about that of the correction that acts at k + 1.
         ahead = self.lead - 1 + np.arange(2 * HALF + 1)
         self.window = np.minimum(ahead, layout.preview)
-        self._rings = self.lead + HALF + 2, 2 + plays
+        self._rings = self.lead + self.half + 2, 2 + plays
         self.rows = Rows(
             inverse=len(self.inverse_at_rest(np.zeros(1))),
-            measured=2 * HALF + 1,
-            wanted=self.lead + 2 * HALF + 1,
+            measured=2 * self.half + 1,
+            wanted=self.lead + 2 * self.half + 1,
             plays=len(PLAYS),
             slow=len(SLOW_S),
             seen=math.prod(self._rings),
@@ -145,6 +148,19 @@ class AdaptiveFeedforward(Tunable):
             last_V=1,
             count=1,
         )
+
+    def behind(self) -> tuple[float, Array]:
+        """Return what the belief has between w and y: its delay in samples, its inverse in powers of θ."""
+        return linear_inverse(self.belief, self.layout.ts_s)
+
+    @property
+    def most_um(self) -> float:
+        """Largest correction (µm)."""
+        return MOST * self.layout.scale_um
+
+    def leads(self, delay: float) -> int:
+        """Return the lead (samples) to ask for where y is late by a delay (samples)."""
+        return round(self.settings["lead_samples"] + delay)
 
     @cached_property
     def inverse(self) -> Feedforward:
@@ -168,9 +184,8 @@ class AdaptiveFeedforward(Tunable):
 
     def certificate(self) -> str:
         """Return one line on what holds whatever is estimated."""
-        most = MOST * self.layout.scale_um
         return (
-            f"bounded by construction: the inverse is fed the reference and a correction of {most:.3g} µm "
+            f"bounded by construction: the inverse is fed the reference and a correction of {self.most_um:.3g} µm "
             "at most, withdrawn while the error rings; no fixed feedback"
         )
 
@@ -224,11 +239,15 @@ class AdaptiveFeedforward(Tunable):
         count = len(phi)
         believed = product(self.fit.prior[:count], phi)
         learned = lane_products(self.fit.theta(fit)[:count], phi)
-        correction = believed + trust * (learned - believed)
-        most = MOST * self.layout.scale_um
-        bounded = np.minimum(np.maximum(correction, -most), most)
-        wanted: Array = self._value(window, smooth) + bounded
+        learned = trust * (learned - believed)
+        wanted: Array = self._value(window, smooth) + self._bounded(believed, learned)
         return wanted
+
+    def _bounded(self, believed_um: Array, learned_um: Array) -> Array:
+        """Return the correction, what is believed and what was learned beside it, within its bounds."""
+        most = self.most_um
+        bounded: Array = np.minimum(np.maximum(believed_um + learned_um, -most), most)
+        return bounded
 
     def _value(self, window_um: Array, smooth_um: Array) -> Array:
         """Value of the reference that the correction is added to, from what is shown and its smoothing."""
@@ -258,15 +277,15 @@ class AdaptiveFeedforward(Tunable):
         """Take in what went in and what came out, as soon as the memory holds both."""
         count = self.rows.of(state, "count")
         count += 1.0
-        begun: NDArray[np.bool_] = count[0] > self.lead + 2 * HALF + 2
+        begun: NDArray[np.bool_] = count[0] > self.lead + 2 * self.half + 2
         self.fit.learn(self.rows.of(state, "fit"), *self.compared(state), counts & begun)
 
     def compared(self, state: Array) -> tuple[Array, Array]:
-        """Return what went in and what came out at k - HALF: φ of the measured y, and w - y (µm)."""
+        """Return what went in and what came out at k - half: φ of the measured y, and w - y (µm)."""
         of = self.rows.of
         # The newest w has the reference time k + lead, the newest static row one more.
-        came = product(SPLINE, of(state, "measured"))
-        entered = product(SPLINE[0], of(state, "wanted")[: 2 * HALF + 1])
+        came = product(self.spline, of(state, "measured"))
+        entered = product(self.spline[0], of(state, "wanted")[: 2 * self.half + 1])
         static = of(state, "seen").reshape(*self._rings, -1)[0]
         return np.concatenate([came[1:], static]), entered - came[0]
 

@@ -18,7 +18,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from baselines.adaptive_feedforward import MOST, AdaptiveFeedforward
+from baselines.adaptive_feedforward import AdaptiveFeedforward
 from baselines.base import Observation
 from baselines.linear_designs import CorrectedInverse, LinearFeedback
 from baselines.loops import (
@@ -177,7 +177,13 @@ class CorrectedAdaptive(AdaptiveFeedforward):
         measured = self.layout.measured_um(observation)
         now = self.layout.reference_um(observation, slice(1))[:, 0]
         wanted = self.wanted_um(observation, measured, now, state)
-        return self.driven(observation, wanted + correction_um, state)
+        return self.driven(observation, self.corrected(wanted, state, correction_um), state)
+
+    def corrected(self, wanted_um: Array, state: Array, *corrections_um: Array) -> Array:
+        """Return w with its corrections (µm), ``(B,)``, added one after the other."""
+        for correction in corrections_um:
+            wanted_um = wanted_um + correction
+        return wanted_um
 
 
 class AdaptiveDualLoop(DualLoop):
@@ -219,7 +225,7 @@ class AdaptiveDualLoop(DualLoop):
     def certificate(self) -> str | None:
         """Return what is certain of the feedback on its belief, which the adaptation is no part of."""
         line = super().certificate()
-        most = MOST * self.layout.scale_um
+        most = self.feedforward.most_um
         return line and f"{line}; of the feedback alone: the adaptation adds {most:.3g} µm at most"
 
     def inverse_and_path(self) -> tuple[CorrectedInverse, BeliefPath]:

@@ -34,9 +34,10 @@ from rdpi_gym.plant import CORES, P10, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
 from rdpi_gym.plant.effects.base import forms_of
 from rdpi_gym.plant.parameters import DataScale
+from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
-from studies.runner import Files, Study
+from studies.runner import Files, Study, names_of
 
 RESULTS = Path(__file__).parent / "results"
 TS_S = 1e-4
@@ -161,15 +162,31 @@ def as_markdown(table: pd.DataFrame, records: int, seed: int) -> str:
 
 
 def _files(chosen: Namespace) -> Files:
-    table = measure(list(cases()), chosen.records, chosen.seed, say=True)
+    every = {case.name: case for case in cases()}
+    names = names_of("export", chosen.only or (), every)
+    table = measure([every[name] for name in names], chosen.records, chosen.seed, say=True)
+    known = chosen.out / "firmware_truth.csv"
+    if chosen.only and known.exists():
+        table = pd.concat([pd.read_csv(known).query("what not in @names"), table])
+        order = {name: place for place, name in enumerate(every)}
+        table = table.sort_values("what", key=lambda own: own.map(order), ignore_index=True)
     text = as_markdown(table, chosen.records, chosen.seed)
     return {"firmware_truth.csv": table, "firmware_truth.md": text}
+
+
+def _more(options: Options) -> None:
+    options.add_argument(
+        "--only",
+        nargs="+",
+        metavar="EXPORT",
+        help="those that are verified again; all by default",
+    )
 
 
 _MEANING = "of a controller; a plant has a hundredth of them, a hundred times as long"
 main = Study(
     "firmware_truth", __doc__, _files, RESULTS, seed=0,
-    numbers=(("--records", 1000, _MEANING),), csv="%.3g",
+    numbers=(("--records", 1000, _MEANING),), more=_more, csv="%.3g",
 )  # fmt: skip
 
 if __name__ == "__main__":

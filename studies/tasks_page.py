@@ -79,9 +79,10 @@ another one.
 ```bash
 rdpi bench --task Duhem --draws 10 --controllers hybrid,{INFORMATION} --out results/information
 rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against results/tasks/task-rows.csv.gz
+rdpi bench --full --controllers hybrid --no-bound --among results/full
 ```
 
-The first divides errors by the [information bound](../studies/results/stages/information/tasks.md). The second says how many of a table's rows come out the same: every run leaves `task-rows.csv.gz`.
+The first divides errors by the [information bound](../studies/results/stages/information/tasks.md), the second says how many rows of a table come out the same, the third scores one controller anew, among the others of a table.
 
 ## What a controller may know
 

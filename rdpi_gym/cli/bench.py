@@ -67,6 +67,7 @@ def bench(
     seed_file: Path | None = None,
     no_bound: bool = False,
     against: Path | None = None,
+    among: Path | None = None,
     diagnoser: list[str] | None = None,
     verbose: VerboseOption = False,
 ) -> None:
@@ -114,6 +115,8 @@ def bench(
         Of tasks: without the entries that know more than a controller may.
     against : FILE
         Of tasks: task-rows.csv.gz of a table; says how many rows are as it states them.
+    among : FOLDER
+        Of tasks: a table; ranks with its other controllers, whose rows stay as they are.
     diagnoser : NAME|MODULE:ATTRIBUTE
         Of the diagnosis: one that ships, or one of your own, a callable (dataset); may be repeated,
         by default all that ship.
@@ -125,8 +128,8 @@ def bench(
         others = {"--controllers": controllers, "--controller": controller, "--plants": plants,
                   "--references": references, "--ts": ts, "--plant": plant, "--belief": belief,
                   "--task": task, "--full": full or None, "--no-bound": no_bound or None,
-                  "--against": against, "--seeds": seeds if seeds != _SEEDS else None,
-                  "--seed": seed or None}  # fmt: skip
+                  "--against": against, "--among": among,
+                  "--seeds": seeds if seeds != _SEEDS else None, "--seed": seed or None}  # fmt: skip
         _bench_diagnosis(diagnoser or [], draws, seed_file, out, jobs, ray, others)
         return
     if diagnoser:
@@ -137,12 +140,12 @@ def bench(
                   "--seed": seed or None}  # fmt: skip
         _bench_tasks(
             task, full, draws, seed_file, words(controllers), own, out, jobs, ray, others,
-            not no_bound, against,
+            not no_bound, against, among,
         )  # fmt: skip
         return
-    if draws is not None or seed_file is not None or no_bound or against is not None:
+    if draws is not None or seed_file is not None or no_bound or against or among:
         raise InputError(
-            "--draws, --seed-file, --no-bound and --against are of registered tasks; give --task NAME or --full with them"
+            "--draws, --seed-file, --no-bound, --against and --among are of registered tasks; give --task NAME or --full with them"
         )
     with progress_bar() as show:
         scores = rg.benchmark(
@@ -202,6 +205,7 @@ def _bench_tasks(
     others: Mapping[str, object],
     bound: bool,
     against: Path | None,
+    among: Path | None,
 ) -> None:
     """Score the registered tasks."""
     given = [name for name, value in others.items() if value is not None]
@@ -226,6 +230,7 @@ def _bench_tasks(
             progress=show,
             bound=bound,
             against=against,
+            among=among,
         )
     _print_scores(scores, own, out)
     _refuse_failures(scores, own)

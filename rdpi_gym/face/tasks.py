@@ -11,7 +11,7 @@ from typing import Any
 from baselines import Controller
 from benchmarks.stages import submission
 from benchmarks.stages.ranking import TaskScores
-from benchmarks.stages.row_table import checked_against
+from benchmarks.stages.row_table import checked_against, put_among
 from benchmarks.stages.run import field, read_seed, run_tasks
 from benchmarks.tracking.controllers import Made, named, shipped_policies
 from rdpi_gym.envs.tasks import TASKS
@@ -39,6 +39,7 @@ def score_tasks(
     progress: Progress | None = None,
     bound: bool = True,
     against: PathLike[str] | str | None = None,
+    among: PathLike[str] | str | None = None,
 ) -> TaskScores:
     """Score controllers on registered tasks: failures first, then the worst tenth of the plants.
 
@@ -67,6 +68,8 @@ def score_tasks(
         Whether entries that know more than a controller may are scored beside the ranking.
     against
         ``task-rows.csv.gz`` of a table; the notes say how many rows are as it states them.
+    among
+        Folder of a table: these controllers are ranked among its others, whose rows stay as they are.
 
     Returns
     -------
@@ -112,7 +115,14 @@ def score_tasks(
     notes = list(outcome.notes)
     if against is not None:
         notes.append(checked_against(outcome.rows, Path(against)))
-    return TaskScores(tuple(outcome.rows), seed.label, outcome.computed, tuple(notes))
+    rows = outcome.rows
+    if among is not None:
+        fresh = ", ".join(dict.fromkeys(f"`{row['controller']}`" for row in rows))
+        notes.append(
+            f"Scored now: {fresh}; rows of others are as the table that these stand among has them."
+        )
+        rows = put_among(rows, Path(among))
+    return TaskScores(tuple(rows), seed.label, outcome.computed, tuple(notes))
 
 
 @checked

@@ -1,9 +1,11 @@
 """`rdpi bench --task`, `rdpi submit` and `rdpi score` through the command line, bad input included."""
 
+import gzip
 import json
 import shutil
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 
 pytest.importorskip("torch")
@@ -115,7 +117,7 @@ def test_bad_words_are_answered_in_one_line(capsys, tmp_path_factory, monkeypatc
     for words, said in [
         (["bench", "--task", "Stag"], "did you mean 'Stage'"),
         (["bench", "--task", "Stage", "--plants", "P5"], "--plants is not for registered tasks"),
-        (["bench", "--draws", "3"], "--against are of registered tasks"),
+        (["bench", "--draws", "3"], "--among are of registered tasks"),
         (["bench", "--full", "--task", "Stage"], "--full is every task"),
         (["bench", "--task", "Bare", "--seed-file", "no-such-file"], "no-such-file cannot be read"),
         (["submit", "pii"], "did you mean 'pi'"),
@@ -140,3 +142,28 @@ def test_bench_ranks_on_a_task_and_goes_on(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "2 of 2 rows are as task-rows.csv.gz states them." in said
     assert "true-plant-horizon" not in said
+
+
+def test_bench_ranks_a_controller_anew_among_those_of_a_table(tmp_path, capsys):
+    def table(folder, controllers, *more):
+        words = ["bench", "--task", "Bare", "--draws", "2", "--controllers", controllers, *more]
+        assert cli.main([*words, "--jobs", "1", "--out", str(tmp_path / folder)]) == 0
+        capsys.readouterr()
+        text = gzip.decompress((tmp_path / folder / "task-rows.csv.gz").read_bytes()).decode()
+        ranked = pd.read_csv(tmp_path / folder / "tasks.csv", keep_default_na=False)
+        return text.splitlines(), ranked.set_index("controller")
+
+    rows, ranked = table("all", "none,classical-static")
+    again, merged = table("some", "none", "--no-bound", "--among", str(tmp_path / "all"))
+    assert [row for row in again if ",none," not in row] == [
+        row for row in rows if ",none," not in row
+    ]
+    timed = [",".join(row.split(",")[:8]) for row in rows]
+    assert [",".join(row.split(",")[:8]) for row in again] == timed
+    assert merged.index.tolist() == ranked.index.tolist()
+    kept = ["rank", "sees", "certificate", "tuning_samples", "places", "failure"]
+    assert merged[kept].equals(ranked[kept])
+    assert "Scored now: `none`;" in (tmp_path / "some" / "tasks.md").read_text()
+    words = ["bench", "--task", "Bare", "--draws", "1", "--controllers", "none", "--no-bound"]
+    words += ["--jobs", "1", "--out", str(tmp_path / "one"), "--among", str(tmp_path / "all")]
+    assert "holds not the plants of Bare" in refused(capsys, *words)

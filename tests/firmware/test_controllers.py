@@ -84,9 +84,14 @@ def test_every_controller_gives_the_commands_of_the_one_that_scores(tmp_path: Pa
 @needs_gcc
 @pytest.mark.slow
 def test_a_bank_of_cores_is_off_by_roundings_that_do_not_grow(tmp_path: Path) -> None:
-    """Its cores are summed in another order in C: the least squares keep what digits they have."""
+    """Its cores are summed in another order in C: a jump makes more of it for a while, no sample after keeps it."""
     program = as_scored(controller_program(BANK, P10, TS_S), Case("", BANK, P10, BANK))
-    assert off_by(program, tmp_path, lanes=MANY) <= 1e-9
+    reference, measured = records(program, MANY)
+    commands = answers(program, tmp_path, reference, measured, single=False)
+    off = np.abs(commands - program.twin(reference, measured)) / np.ptp(program.command_range_V)
+    assert np.median(np.max(off, axis=0)) <= 1e-11
+    assert np.max(off) <= 1e-5
+    assert np.max(off[-1]) <= 1e-9
 
 
 @needs_gcc

@@ -633,6 +633,26 @@ def packed_rows(stack: ExitStack) -> Reader:
     return Reader([file_document(FILE, packed), plain], lambda at: checked_against(rows, at / FILE))
 
 
+@reader("runs", "tasks.csv", damaged=100)
+def statements(stack: ExitStack) -> Reader:
+    """What controllers of a table state of themselves, which new rows are put among."""
+    from benchmarks.stages.row_table import FILE, STATEMENTS, put_among, write_rows
+
+    row = {"task": "Bare", "controller": "none", "draws": "public seed 2026", "plant": 0, "failure": "",
+           "rmse_percent": 0.1, "worst_percent": 0.2, "command_variation_V_s": 3.0}  # fmt: skip
+    said = b"task,controller,tuning_samples,sees,certificate\nBare,none,0,preview,stable\n"
+    with tempfile.TemporaryDirectory() as name:
+        packed = write_rows(Path(name), [row]).read_bytes()
+    document = Document(
+        None,
+        lambda _: said,
+        lambda _, raw: {STATEMENTS: raw, FILE: packed},
+        is_text=True,
+    )
+    new = [{**row, "controller": "pi"}]
+    return Reader([document], lambda at: put_among(new, at))
+
+
 @reader("runs", "candidates", structured=100)
 def candidates(stack: ExitStack) -> Reader:
     """Visited sets of a search."""

@@ -241,7 +241,7 @@ class StudentFeedforward(CorrectedAdaptive):
         smooth, *derivatives = product(SPLINE, window[:, self.window].T)
         seen, error = self._seen(ahead, smooth, own, left, inside), ahead[:, 0] - measured
         added = self.student.answer_um(seen, error, state[self._inside :])
-        wanted = own + correction_um + added
+        wanted = self.corrected(own, inside, correction_um, added)
         if self._on_decision is not None:
             static = self.rows.of(inside, "seen").reshape(*self._rings, -1)[-1]
             answered = np.vstack([*derivatives, static])
