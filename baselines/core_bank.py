@@ -349,13 +349,13 @@ def _member_columns(
     duhem_block(u, v, p[tables[6] : tables[7]], state[states[7] : states[8]], out[7:8])
     for b in range(lanes):
         own = out[0, b] - rest_um
-        for i in range(5):
-            out[1 + i, b] = gains[i] * (out[1 + i, b] - rests_um[i]) - own
+        for i, gain in enumerate(gains):
+            out[1 + i, b] = gain * (out[1 + i, b] - rests_um[i]) - own
         at = (u[0, b] - place[2]) / place[3]
-        for i in range(len(POWERS)):
-            out[8 + i, b] = place[3] * at ** POWERS[i]
-        for i in range(len(thresholds_V)):
-            threshold, row = thresholds_V[i], states[8] + i
+        for i, power in enumerate(POWERS):
+            out[8 + i, b] = place[3] * at**power
+        for i, threshold in enumerate(thresholds_V):
+            row = states[8] + i
             state[row, b] = play(state[row, b], u[0, b] - threshold, u[0, b] + threshold)
             out[8 + len(POWERS) + i, b] = at * state[row, b]
 

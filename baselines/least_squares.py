@@ -302,10 +302,11 @@ def _row(size: int, i: int) -> int:
 def _rotate(factor: Array, x: Array, z: Array, weight: Array) -> None:
     """Take a row of equations and its right side in; what of the right side each column leaves stays in x."""
     size, lanes = x.shape
-    gain = np.empty(lanes)
+    gain, own = np.empty(lanes), np.empty(lanes)
     for i in range(size):
         moves = False
         for b in range(lanes):
+            own[b] = x[i, b]
             pivot = factor[i, b] + weight[b] * x[i, b] * x[i, b]
             gain[b] = weight[b] * x[i, b] / pivot
             weight[b] *= factor[i, b] / pivot
@@ -317,7 +318,7 @@ def _rotate(factor: Array, x: Array, z: Array, weight: Array) -> None:
             row = _row(size, i)
             for k in range(i + 1, size):
                 for b in range(lanes):
-                    x[k, b] -= x[i, b] * factor[row + k, b]
+                    x[k, b] -= own[b] * factor[row + k, b]
                     factor[row + k, b] += gain[b] * x[k, b]
         for b in range(lanes):
             x[i, b] = z[b]
@@ -361,11 +362,12 @@ def _judge(
 
 @njit(cache=True)
 def _due(count: Array, counts: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Count samples; return where the turn to solve has come."""
+    """Count samples from one turn to the next; return where the turn to solve has come."""
     due = np.zeros(len(counts), dtype=np.bool_)
     for b in range(len(counts)):
         count[b] += 1.0 if counts[b] else 0.0
-        due[b] = counts[b] and count[b] % SOLVE_EVERY == 0.0
+        due[b] = count[b] >= SOLVE_EVERY
+        count[b] = 0.0 if due[b] else count[b]
     return due
 
 
@@ -379,7 +381,8 @@ def _add_solution(
     for b in np.flatnonzero(due):
         for i in range(last - 1, -1, -1):
             row = _row(size, i)
-            solved[i] = factor[size + i, b]
+            found = factor[size + i, b]
             for k in range(i + 1, last):
-                solved[i] -= factor[row + k, b] * solved[k]
-            theta[i, b] += weight[b] * solved[i]
+                found -= factor[row + k, b] * solved[k]
+            solved[i] = found
+            theta[i, b] += weight[b] * found
