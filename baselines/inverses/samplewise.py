@@ -218,13 +218,14 @@ class KneeInverse(Inverse):
 
     def __init__(self, effect: Effect, setting: Setting, ahead: int = 0) -> None:
         super().__init__(effect, setting, ahead)
-        self._limit_V, self._centre_V, self._sharpness = effect.values.values()
+        self._up_V, self._down_V, self._centre_V, self._sharpness = effect.values.values()
 
     def run(self, y: Array, state: Array) -> Array:
         """Invert the curve; see :meth:`Inverse.run`."""
-        share = np.clip((y - self._centre_V) / self._limit_V, -_REACHED, _REACHED)
+        limit_V = np.where(y > self._centre_V, self._up_V, self._down_V)
+        share = np.clip((y - self._centre_V) / limit_V, -_REACHED, _REACHED)
         softening = (1.0 - np.abs(share) ** self._sharpness) ** (1.0 / self._sharpness)
-        return np.asarray(self._centre_V + self._limit_V * share / softening, dtype=np.float64)
+        return np.asarray(self._centre_V + limit_V * share / softening, dtype=np.float64)
 
 
 class HardRailsInverse(Inverse):

@@ -234,12 +234,12 @@ class SoftUnlikeRails(Saturation, of=Saturation):
 
 @njit(cache=True)
 def knee_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel; rows of ``p``: limit, centre (V), sharpness. No state."""
+    """Kernel; rows of ``p``: limit above, limit below, centre (V), sharpness. No state."""
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
-            limit, centre, power = p[0, b], p[1, b], p[2, b]
+            centre, power = p[2, b], p[3, b]
             swing = x[t, b] - centre
-            share = abs(swing) / limit
+            share = abs(swing) / (p[0, b] if swing > 0.0 else p[1, b])
             if share <= 1.0:
                 gain = (1.0 + share**power) ** (-1.0 / power)
             else:  # the same, without a power that overflows
@@ -253,24 +253,35 @@ class RailsWithAKnee(Stateless, of=Saturation):
 
     Examples
     --------
-    >>> amplifier = RailsWithAKnee(100.0, 0.0, sharpness=4.0)
-    >>> amplifier.run([10.0, 50.0, 100.0, 1000.0], 1e-3).round(2).tolist()
-    [10.0, 49.25, 84.09, 100.0]
+    >>> amplifier = RailsWithAKnee(100.0, 50.0, 0.0, sharpness=4.0)
+    >>> amplifier.run([10.0, 50.0, 100.0, 1000.0, -1000.0], 1e-3).round(2).tolist()
+    [10.0, 49.25, 84.09, 100.0, -50.0]
     """
 
-    limit_V: float = 100.0
+    up_V: float = parameter(
+        100.0, "V", 1e-9, 1e9, (60.0, 160.0), "distance of the upper rail from the centre, u_h"
+    )
+    down_V: float = parameter(
+        100.0, "V", 1e-9, 1e9, (60.0, 160.0), "distance of the lower rail from the centre, u_l"
+    )
     centre_V: float = _free_centre()
     sharpness: float = parameter(3.0, "1", 1.0, 50.0, (2.0, 6.0), "sharpness of the knee, p")
 
     form = "rails with a knee"
-    equation = "u' = u_c + (u - u_c) / (1 + |(u - u_c) / u_s|^p)^(1/p)"
+    equation = (
+        "u' = u_c + (u - u_c) / (1 + |(u - u_c) / u_s|^p)^(1/p), u_s = u_h above u_c, u_l below"
+    )
     source = "Rapp's model of amplifiers: soft for a small p, hard rails for a large one."
     signature = SoftUnlikeRails.signature
     block = staticmethod(knee_block)
 
     @classmethod
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
-        """One start, rails a little beyond the measured command."""
-        return (
-            cls.within_bounds(limit_V=1.1 * scale.span_V, centre_V=scale.centre_V, sharpness=3.0),
-        )
+        """Rails a little beyond the measured command, and one of them farther."""
+        return tuple(
+            cls.within_bounds(
+                up_V=up * scale.span_V, down_V=down * scale.span_V,
+                centre_V=scale.centre_V, sharpness=3.0,
+            )
+            for up, down in ((1.1, 1.1), (1.1, 2.0), (2.0, 1.1))
+        )  # fmt: skip

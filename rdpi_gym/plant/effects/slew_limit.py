@@ -280,3 +280,71 @@ class Charging(_UnlikeLimits, of=SlewLimit):
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest steps of one sample up and down (V), time constant (samples)."""
         return [*super().coefficients(ts_s, hysteresis), self.time_constant_s / ts_s]
+
+
+_STEPS_A_LAG = 3.0
+_FEWEST_STEPS, _MOST_STEPS = 3.0, 64.0
+"""Steps of the integration in a time constant, and of one sample at least and at most."""
+
+
+@njit(inline="always")
+def _softly(ahead: float, up: float, down: float, lag: float, power: float) -> float:
+    """Step of the output in a sample (V), where it is so much behind the input."""
+    limit = up if ahead > 0.0 else down
+    wanted = ahead / lag
+    share = abs(wanted) / limit
+    if share <= 1.0:
+        return float(wanted * (1.0 + share**power) ** (-1.0 / power))
+    most = limit * (1.0 + share**-power) ** (-1.0 / power)
+    return float(most if ahead > 0.0 else -most)
+
+
+@njit(cache=True)
+def soft_charging_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
+    """Kernel, by Runge-Kutta of order four for an input linear between samples.
+
+    Rows of ``p``: largest steps of one sample up and down (V), time constant (samples), sharpness.
+    Rows of the state: last input, last output (V).
+    """
+    for t in range(x.shape[0]):
+        for b in range(x.shape[1]):
+            if np.isnan(state[0, b]):
+                state[0, b] = state[1, b] = x[t, b]
+            up, down, lag, power = p[0, b], p[1, b], p[2, b], p[3, b]
+            steps = min(max(math.ceil(_STEPS_A_LAG / lag), _FEWEST_STEPS), _MOST_STEPS)
+            h, slope = 1.0 / steps, x[t, b] - state[0, b]
+            behind = state[0, b] - state[1, b]
+            for _ in range(int(steps)):
+                a = slope - _softly(behind, up, down, lag, power)
+                b1 = slope - _softly(behind + 0.5 * h * a, up, down, lag, power)
+                c = slope - _softly(behind + 0.5 * h * b1, up, down, lag, power)
+                d = slope - _softly(behind + h * c, up, down, lag, power)
+                behind += h * (a + 2.0 * b1 + 2.0 * c + d) / 6.0
+            state[0, b] = x[t, b]
+            state[1, b] = y[t, b] = x[t, b] - behind
+
+
+@dataclass(frozen=True)
+class SoftLimit(Charging, of=SlewLimit):
+    """Amplifier whose current is limited gradually, with a knee of any sharpness.
+
+    Examples
+    --------
+    >>> amplifier = SoftLimit(up_V_s=1000.0, down_V_s=1000.0, time_constant_s=1e-3, sharpness=2.0)
+    >>> amplifier.run([0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 4.0], 1e-3).round(2).tolist()
+    [0.0, 0.0, 0.76, 1.7, 2.57, 3.29, 3.71]
+    """
+
+    sharpness: float = parameter(2.0, "1", 1.0, 20.0, (1.5, 6.0), "sharpness of the knee, p")
+
+    form = "with a soft limit"
+    equation = (
+        "du'/dt = r / (1 + |r / R|^p)^(1/p), r = (u - u') / τ, R = R_u upwards, R_d downwards"
+    )
+    source = "Rapp's model of amplifiers, of the current: its numbers are an estimate."
+    signature = "A lag that grows with the rate, without bound as it nears the limit."
+    block = staticmethod(soft_charging_block)
+
+    def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
+        """Largest steps of one sample up and down (V), time constant (samples), sharpness."""
+        return [*super().coefficients(ts_s, hysteresis), self.sharpness]

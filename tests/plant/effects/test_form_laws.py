@@ -178,6 +178,25 @@ def test_a_current_limit_behind_a_resistance_is_the_clipped_lag_finely_integrate
     np.testing.assert_allclose(wide, lagged, rtol=1e-9, atol=1e-9)
 
 
+def test_a_soft_current_limit_is_a_lag_of_slow_signals_and_never_faster_than_its_limit():
+    x = rough(60)
+    up, down, lag = 3.0, 5.0, 0.7
+    soft = form("slew_limit", "with a soft limit")
+    y = soft(up / TS, down / TS, lag * TS, 3.0).run(x, TS)
+    assert np.diff(y).min() > -5.0
+    assert np.diff(y).max() < 3.0
+    sharp = soft(up / TS, down / TS, lag * TS, 20.0).run(x, TS)
+    clipped = form("slew_limit", "through a resistance")(up / TS, down / TS, lag * TS).run(x, TS)
+    np.testing.assert_allclose(sharp, clipped, atol=0.15)
+    wide = soft(1e9, 1e9, lag * TS, 3.0).run(x, TS)
+    lagged = CATALOGUE["actuator_lag"](time_constant_s=lag * TS).run(x, TS)
+    np.testing.assert_allclose(wide, lagged, atol=1e-3)
+    # a ramp at three fifths of the limit is late by τ (1 - s^p)^(-1/p)
+    ramp = 0.6 * up * np.arange(200.0)
+    late = (ramp - soft(up / TS, down / TS, lag * TS, 2.0).run(ramp, TS))[-1]
+    assert late == pytest.approx(0.6 * up * lag / 0.8, rel=1e-6)
+
+
 def test_unlike_branches_are_told_by_a_stop_of_the_command():
     """Beyond twice the reach after a turn each branch has its own parabola."""
     u = np.concatenate([np.linspace(0.0, 40.0, 81), np.linspace(40.0, -40.0, 161)])
@@ -220,14 +239,14 @@ def test_each_branch_runs_along_its_own_envelope():
 
 @over("sharpness", [1.0, 3.0, 50.0])
 def test_rails_with_a_knee_are_linear_at_the_centre_and_end_at_the_rails(sharpness):
-    effect = form("saturation", "rails with a knee")(20.0, 5.0, sharpness)
+    effect = form("saturation", "rails with a knee")(20.0, 10.0, 5.0, sharpness)
     u = 5.0 + np.concatenate([-np.geomspace(1e12, 1e-3, 400), np.geomspace(1e-3, 1e12, 400)])
     y = effect.run(u, TS)
     assert np.all(np.diff(y) >= -1e-12)
-    np.testing.assert_allclose(y[[0, -1]], [-15.0, 25.0], rtol=1e-9)
+    np.testing.assert_allclose(y[[0, -1]], [-5.0, 25.0], rtol=1e-9)
     assert np.diff(y)[399] / np.diff(u)[399] == pytest.approx(1.0, rel=1e-4)
-    at_knees = effect.run([-15.0, 25.0], TS)
-    np.testing.assert_allclose(at_knees, 5.0 + np.array([-20.0, 20.0]) * 0.5 ** (1 / sharpness))
+    at_knees = effect.run([-5.0, 25.0], TS)
+    np.testing.assert_allclose(at_knees, 5.0 + np.array([-10.0, 20.0]) * 0.5 ** (1 / sharpness))
 
 
 def test_a_saturation_is_idle_where_no_command_comes_near_its_rails():
