@@ -84,7 +84,7 @@ EXACT = [
     (
         "saturation",
         "rails with a knee",
-        {"limit_V": 60.0, "centre_V": -10.0, "sharpness": 2.5},
+        {"up_V": 60.0, "down_V": 50.0, "centre_V": -10.0, "sharpness": 2.5},
     ),
     ("saturation", "hard upper rail", {"high_V": 90.0}),
     ("saturation", "hard lower rail", {"low_V": -90.0}),

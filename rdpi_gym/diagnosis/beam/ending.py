@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from rdpi_gym.diagnosis.beam.constants import FOUND
-from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence
+from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, joined
 from rdpi_gym.diagnosis.beam.grades import Name, names_of
 from rdpi_gym.diagnosis.beam.models import Model, Visited, refitted
 from rdpi_gym.diagnosis.beam.search import Beam, Scores
@@ -160,12 +160,12 @@ def ended(
     turned = (template("turned"),) if evidence.sign < 0.0 else ()
     refused = course.beam.refused if evidence.offer.begins_with_all else {}
     without = [template("core left out", core=core, error=why) for core, why in refused.items()]
-    discovered = kind == "discovery"
+    discovered, every = kind == "discovery", joined(evidence.dataset)
     return Ending(
         began=began,
         kind=kind,
         given=given,
-        dataset=evidence.dataset,
+        dataset=every,
         catalogue=evidence.offer.effects,
         setting=setting,
         searched=searched,
@@ -178,8 +178,8 @@ def ended(
         noise_um=noise_um,
         noise_origin=origin,
         numerical=numerical_floor(law.fit.variant, near.validation),
-        checks=run_checks(evidence.read),
-        limits=limits(evidence.dataset),
+        checks=run_checks(joined(evidence.read)),
+        limits=limits(every),
         findings=evidence.findings,
         core=_core(course),
         added=added,

@@ -245,6 +245,17 @@ def _exchanged(dataset: Dataset) -> Dataset:
     return replace(dataset, records=tuple(turned))
 
 
+def joined(dataset: Dataset) -> Dataset:
+    """Return each record once, with all stretches of it that count."""
+    found: dict[str, Record] = {}
+    for record in dataset.records:
+        mask = record.error_mask
+        if record.name in found:
+            mask = mask | found[record.name].error_mask
+        found[record.name] = replace(record, error_mask=mask)
+    return replace(dataset, records=tuple(found.values()))
+
+
 def _in_stretches(dataset: Dataset, names: Collection[str], at_end: bool) -> Dataset:
     """Return some records once for each stretch of known memory, the only one that counts in it."""
     found = list[Record]()

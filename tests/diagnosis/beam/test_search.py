@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.diagnosis.beam.constants import LOOKED
-from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer
+from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
@@ -181,6 +181,10 @@ def test_openings_of_records_that_begin_in_motion_are_left_out_and_those_of_othe
     spared = without_unknown_past(evidence, begun(evidence))
     assert spared is not None
     assert begun(spared).rmse_um < 0.5 * begun(evidence).rmse_um
+    once = joined(spared.dataset)
+    assert [r.name for r in once.records] == [r.name for r in evidence.dataset.records]
+    counted = [sum(r.error_mask.sum() for r in d.records) for d in (once, spared.dataset)]
+    assert counted[0] == counted[1] < sum(r.error_mask.sum() for r in evidence.dataset.records)
     sound = Evidence.of(Dataset("all begin at rest", (train, validation)))
     assert without_unknown_past(sound, begun(sound)) is None
 
