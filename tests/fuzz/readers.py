@@ -215,7 +215,7 @@ def read_folder(folder: Path) -> Dataset:
     return load(folder, DataOptions(columns={"t": 0, "u": 1, "y": 2}))
 
 
-@reader("records", "csv", damaged=3_900)
+@reader("records", "csv", damaged=3_800)
 def csv(stack: ExitStack) -> Reader:
     endings = ("csv", "txt", "dat", "tsv")
     return Reader(

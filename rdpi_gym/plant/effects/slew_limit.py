@@ -282,9 +282,9 @@ class Charging(_UnlikeLimits, of=SlewLimit):
         return [*super().coefficients(ts_s, hysteresis), self.time_constant_s / ts_s]
 
 
-_STEPS_A_LAG = 3.0
-_FEWEST_STEPS, _MOST_STEPS = 3.0, 64.0
-"""Steps of the integration in a time constant, and of one sample at least and at most."""
+_STEPS, _SHORTEST_LAG = 8, 0.06
+"""Steps of the integration in a sample, and the shortest lag (samples) that they follow: of a shorter one
+nothing but its limit is seen."""
 
 
 @njit(inline="always")
@@ -310,11 +310,10 @@ def soft_charging_block(x: Array, u: Array, p: Array, state: Array, ts: float, y
         for b in range(x.shape[1]):
             if np.isnan(state[0, b]):
                 state[0, b] = state[1, b] = x[t, b]
-            up, down, lag, power = p[0, b], p[1, b], p[2, b], p[3, b]
-            steps = min(max(math.ceil(_STEPS_A_LAG / lag), _FEWEST_STEPS), _MOST_STEPS)
-            h, slope = 1.0 / steps, x[t, b] - state[0, b]
-            behind = state[0, b] - state[1, b]
-            for _ in range(int(steps)):
+            up, down, power = p[0, b], p[1, b], p[3, b]
+            lag, h = max(p[2, b], _SHORTEST_LAG), 1.0 / _STEPS
+            behind, slope = state[0, b] - state[1, b], x[t, b] - state[0, b]
+            for _ in range(_STEPS):
                 a = slope - _softly(behind, up, down, lag, power)
                 b1 = slope - _softly(behind + 0.5 * h * a, up, down, lag, power)
                 c = slope - _softly(behind + 0.5 * h * b1, up, down, lag, power)
