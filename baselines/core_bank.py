@@ -139,11 +139,8 @@ class CoreBank:
     ) -> None:
         core, ts = belief.hysteresis, layout.ts_s
         self.core, self._ts_s, self._kept, self._smoothing = core, ts, kept, smoothing
-        self.lag, self._pole, self._rises = (
-            lag_in_front(belief, ts),
-            core.rate_pole(ts),
-            core.rises_at(ts),
-        )
+        self.lag = lag_in_front(belief, ts)
+        self._pole, self._rises = core.rate_pole(ts), core.rises_at(ts)
         low, high = layout.command_range_V
         self._range_V = (low, high)
         self.rest_V = min(max(0.0, low), high)

@@ -635,7 +635,7 @@ def packed_rows(stack: ExitStack) -> Reader:
 
 @reader("runs", "tasks.csv", damaged=100)
 def statements(stack: ExitStack) -> Reader:
-    """What controllers of a table state of themselves, which new rows are put among."""
+    """Statements of a table's controllers of themselves, which new rows are put among."""
     from benchmarks.stages.row_table import FILE, STATEMENTS, put_among, write_rows
 
     row = {"task": "Bare", "controller": "none", "draws": "public seed 2026", "plant": 0, "failure": "",

@@ -170,12 +170,9 @@ class Evidence:
         read, whole = (
             _in_stretches(each, self.openings, at_end) for each in (self.read, self.dataset)
         )
-        left = {
-            r.name: r.error_mask.copy() for r in self.dataset.records if r.name in self.openings
-        }
-        for record in whole.records:
-            if record.name in left:
-                left[record.name] &= ~record.error_mask
+        counts = {r.name: r.error_mask for r in joined(whole).records}
+        records = [r for r in self.dataset.records if r.name in self.openings]
+        left = {r.name: r.error_mask & ~counts[r.name] for r in records}
         return replace(
             self,
             train=read.train,

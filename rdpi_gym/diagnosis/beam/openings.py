@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.beam.constants import DRAWS, FIT_SAMPLES, LEVEL, MOST_BLOCKS
 from rdpi_gym.diagnosis.beam.decision import chances, draw_blocks
-from rdpi_gym.diagnosis.beam.evidence import Evidence
+from rdpi_gym.diagnosis.beam.evidence import Evidence, joined
 from rdpi_gym.diagnosis.beam.models import Visited, refitted, residuals
 from rdpi_gym.diagnosis.beam.moves import Place, raced
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import kept_samples, or_none
-from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.support.arrays import Array
 
@@ -91,9 +90,7 @@ def _parts(evidence: Evidence, of: Visited) -> Mapping[str, tuple[Array, Array]]
 
 def _scores(spared: Evidence, ends: Evidence, of: Visited, floor_um: float) -> Array:
     """Score blocks of the samples that count without the openings and without the ends of records."""
-    counts: dict[str, BoolArray] = {}
-    for record in (*ends.train, *ends.validation):
-        counts[record.name] = counts.get(record.name, False) | record.error_mask
+    counts = {r.name: r.error_mask for r in joined(ends.read).records}
     found = []
     for name, index, left in _residuals(spared, of):
         own = left[counts[name][index]]

@@ -11,6 +11,7 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter, rows
+from rdpi_gym.plant.effects.saturation import behind_knee
 from rdpi_gym.support.arrays import Array
 
 _PHASES = 4
@@ -290,13 +291,7 @@ nothing but its limit is seen."""
 @njit(inline="always")
 def _softly(ahead: float, up: float, down: float, lag: float, power: float) -> float:
     """Step of the output in a sample (V), where it is so much behind the input."""
-    limit = up if ahead > 0.0 else down
-    wanted = ahead / lag
-    share = abs(wanted) / limit
-    if share <= 1.0:
-        return float(wanted * (1.0 + share**power) ** (-1.0 / power))
-    most = limit * (1.0 + share**-power) ** (-1.0 / power)
-    return float(most if ahead > 0.0 else -most)
+    return float(behind_knee(ahead / lag, up if ahead > 0.0 else down, power))
 
 
 @njit(cache=True)
