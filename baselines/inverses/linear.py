@@ -178,7 +178,7 @@ class SensorLagInverse(LinearInverse):
     """The lag behind the mechanics, by a derivative over a tenth of its time constant either way."""
 
     effect = "sensor_lag"
-    forms = ("", "second order", "third order")
+    forms = ("", "second order", "fourth order")
     urgency = 2
 
     @classmethod

@@ -62,8 +62,8 @@ def test_along_a_parabola_derivatives_undo_a_linear_effect_exactly(case, slope, 
 DERIVATIVES = [
     ("sensor_lag", "second order", {"time_constant_s": 2e-3, "second_ratio": 0.6}),
     ("actuator_lag", "second order", {"time_constant_s": 3e-4, "second_ratio": 1.0}),
-    ("sensor_lag", "third order", {"time_constant_s": 1e-3}),
-    ("actuator_lag", "third order", {"time_constant_s": 1e-3, "third_share": 0.0}),
+    ("sensor_lag", "fourth order", {"time_constant_s": 1e-3}),
+    ("actuator_lag", "fourth order", {"time_constant_s": 1e-3, "third_share": 0.0}),
     ("resonance", "with a zero", {"f0_hz": 300.0, "damping": 0.05, "static_share": 0.2}),
     (
         "resonance",

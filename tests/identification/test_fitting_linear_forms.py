@@ -36,9 +36,9 @@ SLOW = tuple(slow(50.0 * i, 16.0 + 12.0 * i) for i in range(3))
 CASES = {
     ("sensor_lag", "second order"): (FAST, {"time_constant_s": 4e-4, "second_ratio": 0.5}),
     ("actuator_lag", "second order"): (FAST, {"time_constant_s": 4e-4, "second_ratio": 0.5}),
-    ("sensor_lag", "third order"): (
+    ("sensor_lag", "fourth order"): (
         FAST,
-        {"time_constant_s": 6e-4, "second_share": 0.4, "third_share": 1 / 6},
+        {"time_constant_s": 6e-4, "second_share": 3 / 7, "third_share": 2 / 9, "fourth_share": 0.1},
     ),
     ("delay", "whole samples"): (FAST, {"samples": 1.0}),
     ("resonance", "with a zero"): (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rdpi_gym.plant.effects.base import Look, Picture, parameter
-from rdpi_gym.plant.effects.linear import FirstOrderLag, SecondOrderLag, ThirdOrderLag
+from rdpi_gym.plant.effects.linear import FirstOrderLag, FourthOrderLag, SecondOrderLag
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,11 @@ class SecondOrderActuatorLag(SecondOrderLag, of=ActuatorLag):
 
 
 @dataclass(frozen=True)
-class ThirdOrderActuatorLag(ThirdOrderLag, of=ActuatorLag):
-    """Low-pass of third order, with real poles or a pair.
+class FourthOrderActuatorLag(FourthOrderLag, of=ActuatorLag):
+    """Low-pass of fourth order, with real poles or pairs.
 
     Examples
     --------
-    >>> ThirdOrderActuatorLag(1e-3, 0.4, 1 / 6).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
+    >>> FourthOrderActuatorLag(1e-3, 3 / 7, 2 / 9, 0.1).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
     [0.0, 0.189, 0.998, 1.999]
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Self
 
 import numpy as np
@@ -81,26 +82,27 @@ def pack_two_lags(first_s: float, second_s: float, ts_s: float) -> list[float]:
     return [slow, 0.0, passed, fast, before, rest, after, ramp, 0.0, 1.0, 0.0, 1.0, 1.0]
 
 
-def pack_filter(slow_s: float, second: float, third: float, ts_s: float) -> list[float]:
-    """Pack the low-pass c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = u for :func:`linear_block`.
+def pack_filter(slow_s: float, shares: Sequence[float], ts_s: float) -> list[float]:
+    """Pack the low-pass y = u / (1 + T s (1 + c T s (1 + d T s (1 + ...)))) for :func:`linear_block`.
 
     Notes
     -----
     Van Loan's block exponential of [a b 0; 0 0 1/Ts; 0 0 0] Ts, by a Taylor series and squaring:
     coefficients, unlike poles, go smoothly from real poles to pairs.
     """
-    f, before, after, rest = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0])
+    m = 1 + len(shares)
+    f, before, after, rest = np.zeros((m, m)), np.zeros(m), np.zeros(m), np.eye(m)[0]
     if slow_s <= 1e-12 * ts_s:
         return [*f.ravel(), *before, *rest, *rest, 0.0, *rest]
-    order = 1 if second < _NONE else 2 if third < _NONE else 3
-    h, powers = ts_s / slow_s, (1.0, 1.0, second, second * third)
-    block = np.zeros((5, 5))
+    order = 1 + len(list(takewhile(lambda share: share >= _NONE, shares)))
+    h, powers = ts_s / slow_s, [1.0, *np.cumprod([1.0, *shares]).tolist()]
+    block = np.zeros((m + 2, m + 2))
     for i in range(order - 1):
         block[i, i + 1] = h
     block[order - 1, :order] = [-h * power / powers[order] for power in powers[:order]]
-    block[order - 1, 3], block[3, 4] = h / powers[order], 1.0
+    block[order - 1, m], block[m, m + 1] = h / powers[order], 1.0
     step = _exponential(block)
-    f[:order, :order], after[:order] = step[:order, :order], step[:order, 4]
+    f[:order, :order], after[:order] = step[:order, :order], step[:order, m + 1]
     before = rest - f @ rest - after  # what rests stays there
     return [*f.ravel(), *before, *after, *rest, 0.0, *rest]
 
@@ -219,8 +221,8 @@ class SecondOrderLag(Effect):
 
 
 @dataclass(frozen=True)
-class ThirdOrderLag(Effect):
-    """Low-pass of up to third order, with real poles or a pair, in either place of a lag."""
+class FourthOrderLag(Effect):
+    """Low-pass of up to fourth order, with real poles or pairs, in either place of a lag."""
 
     time_constant_s: float = parameter(
         2e-4, "s", 0.0, 0.1, (3e-5, 1e-3), "delay of slow signals, T", neutral=0.0
@@ -231,18 +233,21 @@ class ThirdOrderLag(Effect):
     third_share: float = parameter(
         0.2, "1", 0.0, 0.8, (0.1, 0.3), "of the third order, d", neutral=0.0
     )
+    fourth_share: float = parameter(
+        0.1, "1", 0.0, 0.5, (0.05, 0.15), "of the fourth order, e", neutral=0.0
+    )
 
-    form = "third order"
-    equation = "c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = y_m"
+    form = "fourth order"
+    equation = "c d e T⁴ d⁴y/dt⁴ + c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = y_m"
     source = (
-        "Filters of Bessel have c = 1/3 (second order), 0.4 and d = 1/6 (third); of Butterworth "
-        "c = 0.5 and d = 1/4. The cut-off is an estimate."
+        "Filters of Bessel have c = 1/3 (second order), 0.4 and d = 1/6 (third), 3/7, 2/9 and e = 1/10 "
+        "(fourth); of Butterworth 0.5, 1/4 and 0, 0.5, 0.293 and 0.146. The cut-off is an estimate."
     )
     cause = (
         "A filter in front of a converter, which seldom is of first order, or some lags in a row."
     )
     block = staticmethod(linear_block)
-    state_rows = rows(4)  # last input and three states
+    state_rows = rows(5)  # last input and four states
 
     @property
     def slow_lag_s(self) -> float:
@@ -253,7 +258,9 @@ class ThirdOrderLag(Effect):
     def starts(cls, scale: DataScale) -> tuple[Self, ...]:
         """Delays of a filter of Bessel's kind, from one between two samples to one of many."""
         return tuple(
-            cls.within_bounds(time_constant_s=lag_s, second_share=0.4, third_share=0.17)
+            cls.within_bounds(
+                time_constant_s=lag_s, second_share=0.4, third_share=0.17, fourth_share=0.05
+            )
             for lag_s in _lags_s(scale)
         )
 
@@ -264,10 +271,11 @@ class ThirdOrderLag(Effect):
         slow_s = simpler.values["time_constant_s"] * (1.0 + ratio)
         found = max(0.1, ratio / (1.0 + ratio) ** 2)
         return tuple(
-            cls.within_bounds(time_constant_s=slow_s, second_share=c, third_share=d)
-            for c, d in ((found, 0.05), (0.4, 0.17))
+            cls.within_bounds(time_constant_s=slow_s, second_share=c, third_share=d, fourth_share=e)
+            for c, d, e in ((found, 0.05, 0.02), (0.4, 0.17, 0.05))
         )
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """As :func:`linear_block` reads them."""
-        return pack_filter(self.time_constant_s, self.second_share, self.third_share, ts_s)
+        shares = self.second_share, self.third_share, self.fourth_share
+        return pack_filter(self.time_constant_s, shares, ts_s)

@@ -283,7 +283,7 @@ class Charging(_UnlikeLimits, of=SlewLimit):
         return [*super().coefficients(ts_s, hysteresis), self.time_constant_s / ts_s]
 
 
-_STEPS, _SHORTEST_LAG = 8, 0.06
+_STEPS, _SHORTEST_LAG = 4, 0.12
 """Steps of the integration in a sample, and the shortest lag (samples) that they follow: of a shorter one
 nothing but its limit is seen."""
 

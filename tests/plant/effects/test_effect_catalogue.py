@@ -227,10 +227,10 @@ def test_a_form_has_what_a_base_that_it_shares_states_before_what_the_simplest_d
 
     assert (Arched.source, Arched.cause) == ("Arches.", "It is arched.")
     assert (Arched.name, Arched.signature) == ("sag", simplest.signature)
-    third = load_effect("sensor_lag", "third order")
-    assert third.source.startswith("Filters of Bessel")
-    assert third.cause.startswith("A filter in front of a converter")
-    assert third.remedy == CATALOGUE["sensor_lag"].remedy
+    filtering = load_effect("sensor_lag", "fourth order")
+    assert filtering.source.startswith("Filters of Bessel")
+    assert filtering.cause.startswith("A filter in front of a converter")
+    assert filtering.remedy == CATALOGUE["sensor_lag"].remedy
 
 
 def test_a_form_that_is_not_whole_is_refused_with_its_effect():

@@ -51,7 +51,7 @@ NESTED = [  # an effect, a form with its numbers, and a simpler form that is the
     ("congruency", "to the fourth degree", (-0.1, 0.2, 0.0, 0.0, 30.0), "odd and even", (-0.1, 0.2, 30.0)),
     ("actuator_lag", "second order", (4e-4, 0.0), "", (4e-4,)),
     ("sensor_lag", "second order", (4e-4, 0.0), "", (4e-4,)),
-    ("sensor_lag", "third order", (4e-4, 0.0, 0.3), "", (4e-4,)),
+    ("sensor_lag", "fourth order", (4e-4, 0.0, 0.3, 0.1), "", (4e-4,)),
     ("resonance", "with a zero", (700.0, 0.03, 0.0), "", (700.0, 0.03)),
     ("resonance", "two modes", (700.0, 0.03, 90.0, 0.1, 0.0), "", (700.0, 0.03)),
     ("thermal_drift", "two time constants", (0.3, 20.0, 0.0, 90.0), "", (0.3, 20.0)),

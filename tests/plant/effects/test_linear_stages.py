@@ -53,15 +53,16 @@ LINEAR = {
         for ratio in (1e-3, 0.4, 0.999, 0.9999999, 1.0)
     },
     **{
-        (name, "third order", (c, d)): (
-            {"time_constant_s": 7e-4, "second_share": c, "third_share": d},
-            ([1.0], [c * d * 7e-4**3, c * 7e-4**2, 7e-4, 1.0]),
+        (name, "fourth order", (c, d, e)): (
+            {"time_constant_s": 7e-4, "second_share": c, "third_share": d, "fourth_share": e},
+            ([1.0], [c * d * e * 7e-4**4, c * d * 7e-4**3, c * 7e-4**2, 7e-4, 1.0]),
         )
-        for name, c, d in (
-            ("sensor_lag", 0.4, 1 / 6),  # of Bessel
-            ("sensor_lag", 0.5, 1 / 4),  # of Butterworth
-            ("sensor_lag", 1 / 3, 1 / 9),  # three equal poles
-            ("actuator_lag", 0.2, 0.01),
+        for name, c, d, e in (
+            ("sensor_lag", 3 / 7, 2 / 9, 1 / 10),  # of Bessel
+            ("sensor_lag", 0.5, (2**0.5 - 1) / 2**0.5, (2**0.5 - 1) / 8**0.5),  # of Butterworth
+            ("sensor_lag", 3 / 8, 1 / 6, 1 / 16),  # four equal poles
+            ("sensor_lag", 0.5, 1 / 4, 0.0),  # third order of Butterworth
+            ("actuator_lag", 0.2, 0.01, 0.1),
         )
     },
     ("resonance", "with a zero", 0.25): (
@@ -109,7 +110,7 @@ def test_two_lags_are_a_filter_without_its_third_order(ratio, ts):
     x = rough(500)
     two = form("actuator_lag", "second order")(4e-4, ratio)
     shares = {"second_share": ratio / (1 + ratio) ** 2, "third_share": 0.0}
-    one = form("actuator_lag", "third order")(4e-4 * (1 + ratio), **shares)
+    one = form("actuator_lag", "fourth order")(4e-4 * (1 + ratio), **shares)
     np.testing.assert_allclose(one.run(x, ts), two.run(x, ts), atol=1e-10 * np.abs(x).max())
 
 
@@ -185,7 +186,7 @@ def test_hum_with_harmonics_is_a_sum_of_sines():
 STARTED = {
     ("sensor_lag", "second order"): {"time_constant_s": 3e-4},
     ("actuator_lag", "second order"): {"time_constant_s": 3e-4},
-    ("sensor_lag", "third order"): {"time_constant_s": 3e-4},
+    ("sensor_lag", "fourth order"): {"time_constant_s": 3e-4},
     ("resonance", "with a zero"): {"f0_hz": 600.0, "damping": 0.05},
     ("resonance", "two modes"): {"f0_hz": 600.0, "damping": 0.05},
     ("gain_drift", "to a limit"): {"rate_per_s": 2e-4},
