@@ -108,6 +108,13 @@ def _shifted(s: Sampled, samples: float, skew: float) -> Sampled:
     )  # fmt: skip
 
 
+def _differ(a: Sampled, b: Sampled) -> bool:
+    """Whether two records differ at any sample."""
+    return not all(
+        np.array_equal(getattr(a.record, name), getattr(b.record, name)) for name in ("u_V", "y_um")
+    )
+
+
 DEGRADATIONS: Mapping[str, Degrade] = {
     "spikes": _spikes,
     "dropouts": _dropouts,
@@ -428,7 +435,10 @@ def _drawn(case: Case, rng: np.random.Generator) -> Prepared:
         )
     ]
     degraded = KINDS[int(rng.integers(len(KINDS)))] if rng.random() < _DEGRADED else ""
-    records = degrade(degraded, records, rng)
+    made = degrade(degraded, records, rng)
+    if degraded in DEGRADATIONS and not any(map(_differ, records, made)):
+        degraded = ""  # such as a skew of less than half a sample
+    records = made
     dataset = Dataset(f"records of plant {case.number}", tuple(s.record for s in records))
     straight = bench.displacements(linear=True)
     excused = {*EXCUSED.get(degraded, ())}

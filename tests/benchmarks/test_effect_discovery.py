@@ -239,6 +239,11 @@ def test_a_degradation_keeps_what_is_true_beside_its_record(kind):
     assert np.std((read.y_um - np.interp(read.t_s, t, found.clean_um))[good]) < 0.02
 
 
+def test_a_skew_that_moves_no_sample_is_no_fault():
+    truth = FOREIGN.prepare(Case("single", ("gain_drift",), 3, 2033)).truth
+    assert truth["degraded"] == ""
+
+
 # --- the scoring ---
 
 

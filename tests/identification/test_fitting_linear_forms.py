@@ -38,7 +38,7 @@ CASES = {
     ("actuator_lag", "second order"): (FAST, {"time_constant_s": 4e-4, "second_ratio": 0.5}),
     ("sensor_lag", "fourth order"): (
         FAST,
-        {"time_constant_s": 6e-4, "second_share": 3 / 7, "third_share": 2 / 9, "fourth_share": 0.1},
+        {"time_constant_s": 6e-4, "second_share": 3 / 7, "third_share": 2 / 9, "fourth_share": 0.3},
     ),
     ("delay", "whole samples"): (FAST, {"samples": 1.0}),
     ("resonance", "with a zero"): (

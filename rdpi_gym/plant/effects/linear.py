@@ -16,7 +16,7 @@ from rdpi_gym.plant.effects.base import DataScale, Effect, parameter, rows
 from rdpi_gym.support.arrays import Array
 
 # Shares of a filter's higher orders below this are none: their poles are out of sight.
-_NONE = 1e-6
+_NONE = 1e-4
 
 
 def lag_step(time_constant_s: float, ts_s: float) -> tuple[float, float, float]:
@@ -234,14 +234,20 @@ class FourthOrderLag(Effect):
         0.2, "1", 0.0, 0.8, (0.1, 0.3), "of the third order, d", neutral=0.0
     )
     fourth_share: float = parameter(
-        0.1, "1", 0.0, 0.5, (0.05, 0.15), "of the fourth order, e", neutral=0.0
+        0.3,
+        "1",
+        0.0,
+        0.8,
+        (0.15, 0.4),
+        "of the fourth order, of the most that is stable, e",
+        neutral=0.0,
     )
 
     form = "fourth order"
-    equation = "c d e T⁴ d⁴y/dt⁴ + c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = y_m"
+    equation = "c² d (1 - d) e T⁴ d⁴y/dt⁴ + c d T³ d³y/dt³ + c T² d²y/dt² + T dy/dt + y = y_m"
     source = (
-        "Filters of Bessel have c = 1/3 (second order), 0.4 and d = 1/6 (third), 3/7, 2/9 and e = 1/10 "
-        "(fourth); of Butterworth 0.5, 1/4 and 0, 0.5, 0.293 and 0.146. The cut-off is an estimate."
+        "Filters of Bessel have c = 1/3 (second order), 0.4 and d = 1/6 (third), 3/7, 2/9 and e = 0.3 "
+        "(fourth); of Butterworth 0.5, 1/4 and 0, 0.5, 0.293 and 0.414. The cut-off is an estimate."
     )
     cause = (
         "A filter in front of a converter, which seldom is of first order, or some lags in a row."
@@ -259,7 +265,7 @@ class FourthOrderLag(Effect):
         """Delays of a filter of Bessel's kind, from one between two samples to one of many."""
         return tuple(
             cls.within_bounds(
-                time_constant_s=lag_s, second_share=0.4, third_share=0.17, fourth_share=0.05
+                time_constant_s=lag_s, second_share=0.4, third_share=0.17, fourth_share=0.15
             )
             for lag_s in _lags_s(scale)
         )
@@ -272,10 +278,11 @@ class FourthOrderLag(Effect):
         found = max(0.1, ratio / (1.0 + ratio) ** 2)
         return tuple(
             cls.within_bounds(time_constant_s=slow_s, second_share=c, third_share=d, fourth_share=e)
-            for c, d, e in ((found, 0.05, 0.02), (0.4, 0.17, 0.05))
+            for c, d, e in ((found, 0.05, 0.05), (0.4, 0.17, 0.15))
         )
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """As :func:`linear_block` reads them."""
-        shares = self.second_share, self.third_share, self.fourth_share
-        return pack_filter(self.time_constant_s, shares, ts_s)
+        c, d = self.second_share, self.third_share
+        # Routh and Hurwitz: at e = 1 two poles lie on the imaginary axis
+        return pack_filter(self.time_constant_s, (c, d, self.fourth_share * c * (1.0 - d)), ts_s)

@@ -91,6 +91,6 @@ class FourthOrderSensorLag(FourthOrderLag, of=SensorLag):
 
     Examples
     --------
-    >>> FourthOrderSensorLag(1e-3, 3 / 7, 2 / 9, 0.1).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
+    >>> FourthOrderSensorLag(1e-3, 3 / 7, 2 / 9, 0.3).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
     [0.0, 0.189, 0.998, 1.999]
     """

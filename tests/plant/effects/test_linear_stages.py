@@ -55,12 +55,12 @@ LINEAR = {
     **{
         (name, "fourth order", (c, d, e)): (
             {"time_constant_s": 7e-4, "second_share": c, "third_share": d, "fourth_share": e},
-            ([1.0], [c * d * e * 7e-4**4, c * d * 7e-4**3, c * 7e-4**2, 7e-4, 1.0]),
+            ([1.0], [c * c * d * (1 - d) * e * 7e-4**4, c * d * 7e-4**3, c * 7e-4**2, 7e-4, 1.0]),
         )
         for name, c, d, e in (
-            ("sensor_lag", 3 / 7, 2 / 9, 1 / 10),  # of Bessel
-            ("sensor_lag", 0.5, (2**0.5 - 1) / 2**0.5, (2**0.5 - 1) / 8**0.5),  # of Butterworth
-            ("sensor_lag", 3 / 8, 1 / 6, 1 / 16),  # four equal poles
+            ("sensor_lag", 3 / 7, 2 / 9, 0.3),  # of Bessel
+            ("sensor_lag", 0.5, (2**0.5 - 1) / 2**0.5, 2**0.5 - 1),  # of Butterworth
+            ("sensor_lag", 3 / 8, 1 / 6, 0.2),  # four equal poles
             ("sensor_lag", 0.5, 1 / 4, 0.0),  # third order of Butterworth
             ("actuator_lag", 0.2, 0.01, 0.1),
         )
@@ -289,3 +289,13 @@ def test_a_mode_that_rings_is_the_highest_peak_of_a_residual_over_its_surroundin
         left += np.exp(-0.05 * W0 * after) * np.sin(W0 * after)
     first, *_ = CATALOGUE["resonance"].seen_in(t, left)
     assert first.f0_hz == pytest.approx(700.0, rel=0.05)
+
+
+@over("ts", [1e-6, 1e-3])
+def test_a_filter_is_stable_wherever_its_numbers_lie(ts):
+    rng = np.random.default_rng(0)
+    kind = form("sensor_lag", "fourth order")
+    for _ in range(300):
+        shares = 10.0 ** rng.uniform(-6.0, 0.0, 3) * [1.0, 0.8, 0.8]
+        p = kind(10.0 ** rng.uniform(-12.0, -1.0), *shares).coefficients(ts, None)
+        assert np.abs(np.linalg.eigvals(np.reshape(p[:16], (4, 4)))).max() < 1.0
