@@ -11,7 +11,6 @@ from numba import njit
 
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, Look, Picture, parameter, rows
-from rdpi_gym.plant.effects.saturation import behind_knee
 from rdpi_gym.support.arrays import Array
 
 _PHASES = 4
@@ -283,39 +282,45 @@ class Charging(_UnlikeLimits, of=SlewLimit):
         return [*super().coefficients(ts_s, hysteresis), self.time_constant_s / ts_s]
 
 
-_STEPS, _SHORTEST_LAG = 4, 0.12
-"""Steps of the integration in a sample, and the shortest lag (samples) that they follow: of a shorter one
-nothing but its limit is seen."""
+_STEPS = 4  # Steps of the integration in a sample
 
 
 @njit(inline="always")
-def _softly(ahead: float, up: float, down: float, lag: float, power: float) -> float:
-    """Step of the output in a sample (V), where it is so much behind the input."""
-    return float(behind_knee(ahead / lag, up if ahead > 0.0 else down, power))
+def _settling(
+    behind: float, at: float, slope: float, limits: tuple[float, float], lag: float, power: float
+) -> tuple[float, float]:
+    """Rate of input less output (V a sample), and of its decay (1 a sample), linearised at a place."""
+    share = max(abs(at) / (lag * (limits[0] if at > 0.0 else limits[1])), 1e-300)
+    size = math.log(share)
+    kept = -math.log(1.0 + math.exp(-power * abs(size))) / power - max(size, 0.0)
+    # in saturation nothing decays, and neither do roundings
+    decay = max(math.exp((1.0 + power) * kept) / lag, 1e-6)
+    return slope - at * math.exp(kept) / lag - decay * (behind - at), decay
 
 
 @njit(cache=True)
 def soft_charging_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
-    """Kernel, by Runge-Kutta of order four for an input linear between samples.
+    """Kernel, exponential and linearised at the middle of each step, for an input linear between samples.
 
     Rows of ``p``: largest steps of one sample up and down (V), time constant (samples), sharpness.
     Rows of the state: last input, last output (V).
     """
+    h = 1.0 / _STEPS
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             if np.isnan(state[0, b]):
                 state[0, b] = state[1, b] = x[t, b]
-            up, down, power = p[0, b], p[1, b], p[3, b]
-            lag, h = max(p[2, b], _SHORTEST_LAG), 1.0 / _STEPS
+            limits, lag, power = (p[0, b], p[1, b]), p[2, b], p[3, b]
             behind, slope = state[0, b] - state[1, b], x[t, b] - state[0, b]
             for _ in range(_STEPS):
-                a = slope - _softly(behind, up, down, lag, power)
-                b1 = slope - _softly(behind + 0.5 * h * a, up, down, lag, power)
-                c = slope - _softly(behind + 0.5 * h * b1, up, down, lag, power)
-                d = slope - _softly(behind + h * c, up, down, lag, power)
-                behind += h * (a + 2.0 * b1 + 2.0 * c + d) / 6.0
+                rate, decay = _settling(behind, behind, slope, limits, lag, power)
+                middle = behind + rate * (1.0 - math.exp(-0.5 * h * decay)) / decay
+                rate, decay = _settling(behind, middle, slope, limits, lag, power)
+                behind += rate * (1.0 - math.exp(-h * decay)) / decay
+            step = x[t, b] - behind - state[1, b]
             state[0, b] = x[t, b]
-            state[1, b] = y[t, b] = x[t, b] - behind
+            state[1, b] += min(max(step, -limits[1]), limits[0])
+            y[t, b] = state[1, b]
 
 
 @dataclass(frozen=True)
