@@ -239,7 +239,7 @@ class FourthOrderLag(Effect):
         0.0,
         0.8,
         (0.15, 0.4),
-        "of the fourth order, of the most that is stable, e",
+        "of the fourth order, over the largest that is stable, e",
         neutral=0.0,
     )
 
