@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.adaptive_feedforward import HALF, SPLINE
+from baselines.learned.imitation.plays import SearchedCore, TruePlays
 from baselines.learned.imitation.policy import (
     CORRECTIONS,
     ERRORS,
@@ -20,16 +21,7 @@ from baselines.learned.imitation.policy import (
     Float32,
     Student,
 )
-from baselines.core_bank import TRIES
-from baselines.learned.imitation.teacher import (
-    RENEWED,
-    BankModel,
-    Chords,
-    LoopModel,
-    Plays,
-    Rollout,
-    Systems,
-)
+from baselines.learned.imitation.teacher import RENEWED, BankModel, LoopModel, Rollout, Systems
 from rdpi_gym.support.arrays import Array
 
 WINDOW = 2 * HALF + 1
@@ -101,25 +93,6 @@ class _Systems:
         return found
 
 
-class _TruePlays:
-    """The true hysteresis of every lane, moved along."""
-
-    def __init__(self, plays: Plays, rest_V: float) -> None:
-        self._plays = _tensors(plays)
-        self._xi = self._plays["memory_V"]
-        self._command = torch.full((len(self._xi),), rest_V)
-        self._rate = torch.zeros(len(self._xi))
-
-    def step(self, u: Tensor) -> Tensor:
-        """Return what a command behind the lag gives (µm)."""
-        plays = self._plays
-        self._rate = plays["pole"] * self._rate + plays["per_V"] * (u - self._command)
-        self._command = u
-        grown = plays["delta2_s"] * self._rate.abs()
-        self._xi = _played(self._xi, u, plays["thresholds_V"] + grown[:, None])
-        return torch.addcmul((plays["weights"] * self._xi).sum(dim=1), plays["gain"], u)
-
-
 def _played(memory: Tensor, u: Tensor, thresholds: Tensor) -> Tensor:
     """Move plays ``[B, n]`` on to a command."""
     w = u[:, None]
@@ -133,7 +106,7 @@ class _LoopModel:
         self._given, lanes = given, given.wanted_um.shape[1]
         self._wanted, self._gave = map(torch.from_numpy, (given.wanted_um, given.given_um))
         self._inverse, self._estimate = _tensors(given.inverse), _tensors(given.estimate)
-        self._plays = _TruePlays(given.plays, given.rest_V)
+        self._plays = TruePlays(given.plays, given.rest_V)
         self._before, self._behind, self._feedback = map(
             _Systems, (given.before, given.behind, given.feedback)
         )
@@ -189,68 +162,25 @@ class _LoopModel:
         self.moved_um = self._behind.step(gives - self._gave[k])
 
 
-class _Searched:
-    """The belief's core with what searches a command along its chords, moved along."""
-
-    def __init__(self, chords: Chords, lanes: int, rest_V: float) -> None:
-        self._of, self._numbers = _tensors(chords), chords
-        self._reached = torch.full((lanes,), rest_V)
-        self._rate = torch.zeros(lanes)
-        self._eta = self._of["memory_V"].expand(lanes, -1)
-        self._gives = self._sum(self._reached, self._eta)
-
-    def command(self, wanted_um: Tensor) -> Tensor:
-        """Return the command (V) that is found for what the core is to give (µm)."""
-        numbers = self._numbers
-        least, usual, largest = numbers.slopes
-        tried, before, slope = self._reached, self._gives, torch.full_like(wanted_um, usual)
-        following = (tried + (wanted_um - before) / slope).clamp(*numbers.range_V)
-        for _ in range(TRIES):
-            *_, gives = self._tried(following)
-            with torch.no_grad():  # mostly at its bounds
-                way = following - tried
-                chord = ((gives - before) / way).nan_to_num(usual).clamp(least, largest)
-                slope = torch.where(way.abs() > 0.0, chord, slope)
-            tried, before = following, gives
-            following = (tried + (wanted_um - gives) / slope).clamp(*numbers.range_V)
-        return following
-
-    def step(self, command_V: Tensor) -> Tensor:
-        """Move on by the command that is applied; return what the core gives (µm)."""
-        self._reached, self._rate, self._eta, self._gives = self._tried(command_V)
-        return self._gives
-
-    def _tried(self, command_V: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        numbers = self._numbers
-        u = numbers.kept * self._reached + (1.0 - numbers.kept) * command_V
-        rate = numbers.pole * self._rate + numbers.per_V * (u - self._reached)
-        grown = numbers.delta2_s * rate.abs()
-        eta = _played(self._eta, u, self._of["thresholds_V"] + grown[:, None])
-        return u, rate, eta, self._sum(u, eta)
-
-    def _sum(self, u: Tensor, eta: Tensor) -> Tensor:
-        return self._numbers.gain * u + eta @ self._of["weights"]
-
-
 class _BankModel:
     """Model of the bank on tensors; commands differ by what the search makes of another w."""
 
     def __init__(self, given: BankModel) -> None:
         self._given, lanes = given, given.given_um.shape[1]
         self._commands, self._gave = map(torch.from_numpy, (given.commands_V, given.given_um))
-        self._plays = _TruePlays(given.plays, given.rest_V)
+        self._plays = TruePlays(given.plays, given.rest_V)
         self._before, self._behind, self._feedback = map(
             _Systems, (given.before, given.behind, given.feedback)
         )
-        with torch.no_grad():
-            visited = _Searched(given.chords, lanes, given.rest_V)
-            self._wanted = torch.stack([visited.step(each) for each in self._commands])
-            visited, found = _Searched(given.chords, lanes, given.rest_V), []
-            for wanted, command in zip(self._wanted, self._commands, strict=True):
-                found.append(visited.command(wanted))
-                visited.step(command)
-            self._found = torch.stack(found)
-        self._searched = _Searched(given.chords, lanes, given.rest_V)
+        visited = SearchedCore(given.chords, lanes, given.rest_V)
+        self._wanted = torch.stack([visited.take(each) for each in self._commands])
+        visited, found = SearchedCore(given.chords, lanes, given.rest_V), []
+        for wanted, command in zip(self._wanted, self._commands, strict=True):
+            found.append(visited.found(wanted))
+            visited.take(command)
+        self._besides = self._commands - torch.stack(found)
+        # What was driven with differs from what the search on the belief's core alone finds.
+        self._core = SearchedCore(given.chords, lanes, given.rest_V)
         self._fed = self._passed = torch.zeros(lanes)
         self.moved_um = torch.zeros(lanes)
         """Change of the displacement at the present sample."""
@@ -264,9 +194,7 @@ class _BankModel:
         """Drive the true plants with a correction that is larger by ``(B,)`` than the one that was."""
         kept = self._given.chords.kept
         self._passed = kept * self._passed + (1.0 - kept) * (self._fed + more_um)
-        found = self._searched.command(self._wanted[k] + self._passed)
-        command = self._commands[k] + (found - self._found[k])
-        self._searched.step(command)
+        command = self._core.drive(self._wanted[k] + self._passed, self._besides[k])
         gives = self._plays.step(self._before.step(command))
         self.moved_um = self._behind.step(gives - self._gave[k])
 
@@ -301,7 +229,7 @@ def _around(visited: Rollout) -> _Around:
     return _LoopModel(given, visited.seen.shape[1])
 
 
-_States = _LoopModel | _BankModel | _CorrectionLoops | _Systems | _TruePlays | _Searched
+_States = _LoopModel | _BankModel | _CorrectionLoops | _Systems | TruePlays | SearchedCore
 
 
 def _cut_gradients(state: Loop | _States) -> None:
