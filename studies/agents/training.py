@@ -67,7 +67,7 @@ class Study:
     resamples: int = 2000
     taught: tuple[tuple[str, int], ...] = (
         ("Stage", 28_800_000),
-        ("Resonance", 14_400_000),
+        ("Resonance", 9_600_000),
         ("Creep", 7_200_000),
         ("Lag", 7_200_000),
     )
