@@ -30,7 +30,7 @@ from baselines.learned.imitation.policy import (
     is_like,
 )
 from baselines.learned.imitation.rounds import Options, train
-from baselines.learned.imitation.teacher import Chords, Plays, roll_out, student_lanes
+from baselines.learned.imitation.teacher import Chords, Plays, Rollout, roll_out, student_lanes
 from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks import TASKS as ALL
@@ -144,6 +144,17 @@ def test_kernels_have_the_gradients_of_what_they_compute():
         with torch.no_grad():
             found = float(of(walk + step * way) - of(walk - step * way)) / (2.0 * step)
         assert float((at.grad * way).sum()) == pytest.approx(found, rel=0.02)
+
+
+def test_rollouts_of_several_processes_are_as_those_of_one():
+    lanes = student_lanes(TASK, "training", range(2), 0)
+    policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), 4, "adaptive-core-bank")
+    whole = again(policy).loop_model
+    joined = Rollout.joined([again(policy, [0]), again(policy, [1])]).loop_model
+    np.testing.assert_allclose(joined.given_um, whole.given_um, atol=1e-4)
+    np.testing.assert_allclose(joined.plays.weights, whole.plays.weights)
+    for name in ("before", "behind", "feedback"):
+        np.testing.assert_allclose(getattr(joined, name).a, getattr(whole, name).a)
 
 
 def test_the_fit_runs_the_student_that_drove_and_lessens_its_error(met):
