@@ -142,7 +142,7 @@ class CoreBank:
         self.lag = lag_in_front(belief, ts)
         self._pole, self._rises = core.rate_pole(ts), core.rises_at(ts)
         low, high = layout.command_range_V
-        self._range_V = (low, high)
+        self.range_V = (low, high)
         self.rest_V = min(max(0.0, low), high)
         rest, *swing = _walked(core, ts, (0.0, low, high), 0.0)
         stroke_um = swing[1] - swing[0]
@@ -180,7 +180,7 @@ class CoreBank:
 
     def _member(self, kind: str, stroke_um: float) -> Member:
         core, (low, high) = _library_core(kind)
-        own_low, own_high = self._range_V
+        own_low, own_high = self.range_V
         rest_V = low - own_low * (high - low) / (own_high - own_low)
         rest, bottom, top = _walked(core, self._ts_s, (rest_V, low, high), rest_V)
         return Member(core, float(stroke_um / (top - bottom)), float(rest))
@@ -236,7 +236,7 @@ class CoreBank:
         members, asked = of(memory, "members"), of(memory, "asked")
         asked[1] = (wanted_um - asked[0]) / (self._ts_s * self.core.A)
         asked[0] = wanted_um
-        low, high = self._range_V
+        low, high = self.range_V
         search = np.empty((4, len(wanted_um)))
         search[0] = search[3] = of(memory, "reached")[0]
         search[1] = 0.0

@@ -99,6 +99,10 @@ def native_ppo_first(timesteps: int, out: Path, seed: int) -> Path:
     return Path(done.stdout.splitlines()[-1])
 
 
+CORRECTED = "adaptive-dual-loop"
+"""Controller that the students of this race correct."""
+
+
 def imitation(rounds: int, out: Path, seed: int) -> Path:
     """Teach a student for some rounds of eight plants; return its policy."""
     from baselines.learned.imitation.rounds import Options, train
@@ -111,6 +115,7 @@ def imitation(rounds: int, out: Path, seed: int) -> Path:
             out=out,
             seed=seed,
             task=TASK,
+            baseline=CORRECTED,
             lanes=lanes,
             timesteps=steps,
             every=steps,

@@ -63,8 +63,8 @@ def page_facts(results: Path) -> dict[str, Any]:
     rankings = read_rankings()
     names = rankings["controller"]
     on_tasks = task_leaders(rankings)
-    student = rankings[names == f"{LEARNED}imitation-stage"]
-    worst = student[student["failed"] < 1.0].nlargest(1, "failed").iloc[0]
+    students = rankings[names.str.startswith(f"{LEARNED}imitation-")]
+    worst = students[students["failed"] < 1.0].nlargest(1, "failed").iloc[0]
     race = by_entrant(_read(RACE, "race"))
     by_world = [(str(world), part) for world, part in groups.groupby("world")]
     ppo: dict[str, Any] = _hyperparameters("ppo")
@@ -90,8 +90,12 @@ def page_facts(results: Path) -> dict[str, Any]:
         },
         "students": _students(),
         "guarded_failures": float(rankings.loc[names.str.startswith(GUARDED), "failed"].max()),
-        "unguarded": {"task": str(worst["task"]), "percent": 100.0 * float(worst["failed"])},
-        "student_us": float(student["microseconds_per_sample"].min()),
+        "unguarded": {
+            "student": str(worst["controller"]).removeprefix(LEARNED),
+            "task": str(worst["task"]),
+            "percent": 100.0 * float(worst["failed"]),
+        },
+        "student_us": float(students["microseconds_per_sample"].min()),
         "reacting_ahead": tasks_standing(task_leaders(rankings[~names.str.contains(":imitation")]))[
             "tasks_ahead"
         ],

@@ -67,9 +67,9 @@ class Study:
     resamples: int = 2000
     taught: tuple[tuple[str, int], ...] = (
         ("Stage", 28_800_000),
-        ("Resonance", 28_800_000),
-        ("Creep", 9_600_000),
-        ("Lag", 9_600_000),
+        ("Resonance", 9_600_000),
+        ("Creep", 7_200_000),
+        ("Lag", 7_200_000),
     )
     # Tasks that students are taught on; one of Creep is the best on Bare too, and for how many steps of all plants together.
 

@@ -14,9 +14,11 @@ pytest.importorskip("torch")
 import torch
 
 from baselines import make_controller
+from baselines.core_bank import AdaptiveCoreBank
 from baselines.learned.controller import find_learned
 from baselines.learned.imitation import fitting, rounds
 from baselines.learned.imitation.fitting import Learner, Loop
+from baselines.learned.imitation.plays import SearchedCore, TruePlays
 from baselines.learned.imitation.policy import (
     ERRORS,
     SCALE_SPREAD,
@@ -28,11 +30,17 @@ from baselines.learned.imitation.policy import (
     is_like,
 )
 from baselines.learned.imitation.rounds import Options, train
-from baselines.learned.imitation.teacher import roll_out, student_lanes
+from baselines.learned.imitation.teacher import Chords, Plays, Rollout, roll_out, student_lanes
 from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks import TASKS as ALL
-from rdpi_gym.envs.tasks.stages import RESONANCE_TASK, STAGE, structure_belief, structure_truth
+from rdpi_gym.envs.tasks.stages import (
+    BARE,
+    RESONANCE_TASK,
+    STAGE,
+    structure_belief,
+    structure_truth,
+)
 from rdpi_gym.support.errors import InputError
 
 TASK = replace(STAGE, samples=101, first=51, references=("sine",))
@@ -81,6 +89,8 @@ def drives(policy, met, size, seed=0):
         ("of the task", 0.005, 0.4),
         ("of another kind", 0.1, 0.25),
         ("of another kind, by the bank", 0.1, 0.2),
+        ("of the task, by the bank", 0.1, 0.4),
+        ("alone, by the bank", 0.1, 0.4),
     ],
 )
 def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, doubt, most):
@@ -88,7 +98,8 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
     nominal = {
         "with a mode": RESONANCE_TASK.nominal(),
         "of the task": STAGE.nominal(),
-    }.get(plant, structure_truth("bouc_wen"))
+        "alone": BARE.nominal(),
+    }.get(plant.removesuffix(", by the bank"), structure_truth("bouc_wen"))
     belief = structure_belief("bouc_wen") if "another kind" in plant else nominal
     baseline = "adaptive-core-bank" if "bank" in plant else "adaptive-dual-loop"
     task = replace(TASK, nominals=(nominal,), beliefs=(belief,), samples=1501, first=1001)
@@ -104,6 +115,46 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
     missed = np.sqrt(np.mean((said - found) ** 2) / np.mean(found**2))
     assert np.sqrt(np.mean(found**2)) > 0.1
     assert missed < most
+
+
+def test_kernels_have_the_gradients_of_what_they_compute():
+    """Of piecewise linear sums, whose differences are exact but where a play turns."""
+    rng = np.random.default_rng(0)
+    chords = Chords.of(AdaptiveCoreBank(STAGE.belief(), TASK.layout()).feedforward.bank, 1e-4)
+    chords = replace(chords, slopes=(chords.slopes[1],) * 3)  # slopes count as given
+    core = STAGE.nominal().hysteresis
+    memory = np.zeros((core.n, 3))
+    walk = torch.tensor(np.cumsum(rng.normal(0.0, 2.0, (40, 3)), axis=0), dtype=torch.float32)
+    besides = torch.tensor(rng.normal(size=(40, 3)), dtype=torch.float32)
+
+    def driven(wanted):
+        searched = SearchedCore(chords, 3, 0.0)
+        commands = [searched.drive(each, torch.zeros(3)) for each in wanted]
+        return (torch.stack(commands) * besides).sum()
+
+    def moved(commands):
+        plays = TruePlays(Plays.of([core] * 3, 1e-4, memory), 0.0)
+        return (torch.stack([plays.step(each) for each in commands]) * besides).sum()
+
+    for of in (moved, driven):
+        at = walk.clone().requires_grad_()
+        of(at).backward()
+        way = torch.tensor(rng.normal(size=(40, 3)), dtype=torch.float32)
+        step = 2e-3
+        with torch.no_grad():
+            found = float(of(walk + step * way) - of(walk - step * way)) / (2.0 * step)
+        assert float((at.grad * way).sum()) == pytest.approx(found, rel=0.02)
+
+
+def test_rollouts_of_several_processes_are_as_those_of_one():
+    lanes = student_lanes(TASK, "training", range(2), 0)
+    policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), 4, "adaptive-core-bank")
+    whole = again(policy).loop_model
+    joined = Rollout.joined([again(policy, [0]), again(policy, [1])]).loop_model
+    np.testing.assert_allclose(joined.given_um, whole.given_um, atol=1e-4)
+    np.testing.assert_allclose(joined.plays.weights, whole.plays.weights)
+    for name in ("before", "behind", "feedback"):
+        np.testing.assert_allclose(getattr(joined, name).a, getattr(whole, name).a)
 
 
 def test_the_fit_runs_the_student_that_drove_and_lessens_its_error(met):
@@ -191,6 +242,7 @@ def test_a_round_that_made_it_much_worse_is_taken_back_and_the_next_is_fitted(
 def test_train_and_bench_through_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     command = ["train", "imitation", "--lanes", "1", "--timesteps", "100", "--out", "run"]
+    command += ["--baseline", "adaptive-dual-loop"]
     assert main(command) == 0
     assert "adaptive-dual-loop" in capsys.readouterr().out
     name = "learned:run/policy"
@@ -292,7 +344,10 @@ def test_the_shipped_student_leaves_less_than_what_it_corrects():
     task = replace(STAGE, samples=1500, amplitude_share=1.0 - SCALE_SPREAD)
     assert is_like(task.layout(), policy.layout)
     found = []
-    for each in (policy, replace(policy, student=Student.blank(42, 64, WEIGHTED))):
+    for each in (
+        policy,
+        replace(policy, student=Student.blank(policy.student.inputs, 64, WEIGHTED)),
+    ):
         found.append(
             roll_out(student_lanes(task, "validation", [100], 0), each).score.percent.mean()
         )

@@ -138,10 +138,13 @@ def write_onnx(folder):
 
 def write_step(folder):
     pytest.importorskip("torch")
-    from baselines.learned.controller import find_learned
+    from baselines.learned.imitation.policy import StudentPolicy
     from baselines.learned.onnx_export import export_student
+    from rdpi_gym.envs.tasks import named_task
 
-    export_student(find_learned("imitation-stage"), folder / STEP)
+    stage = named_task("Stage")
+    policy = StudentPolicy.untrained(stage.belief(), stage.layout(), 4, "adaptive-dual-loop")
+    export_student(policy, folder / STEP, stage.belief())
 
 
 # What lies in the folder of a block that names it.

@@ -1,1 +1,1 @@
-"""Learning from the true plant: a recurrent student that corrects the best adaptive controller."""
+"""Learning from the true plant: a recurrent student that corrects an adaptive controller."""

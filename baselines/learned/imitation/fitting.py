@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.adaptive_feedforward import HALF, SPLINE
+from baselines.learned.imitation.plays import SearchedCore, TruePlays
 from baselines.learned.imitation.policy import (
     CORRECTIONS,
     ERRORS,
@@ -20,7 +21,7 @@ from baselines.learned.imitation.policy import (
     Float32,
     Student,
 )
-from baselines.learned.imitation.teacher import RENEWED, LoopModel, Rollout, Systems
+from baselines.learned.imitation.teacher import RENEWED, BankModel, LoopModel, Rollout, Systems
 from rdpi_gym.support.arrays import Array
 
 WINDOW = 2 * HALF + 1
@@ -92,23 +93,25 @@ class _Systems:
         return found
 
 
+def _played(memory: Tensor, u: Tensor, thresholds: Tensor) -> Tensor:
+    """Move plays ``[B, n]`` on to a command."""
+    w = u[:, None]
+    return torch.maximum(w - thresholds, torch.minimum(w + thresholds, memory))
+
+
 class _LoopModel:
     """Loop model on tensors, in µm and V: absolute where they are not linear, and else what has changed."""
 
     def __init__(self, given: LoopModel, inputs: int) -> None:
         self._given, lanes = given, given.wanted_um.shape[1]
         self._wanted, self._gave = map(torch.from_numpy, (given.wanted_um, given.given_um))
-        self._inverse, self._plays, self._estimate = map(
-            _tensors, (given.inverse, given.plays, given.estimate)
-        )
+        self._inverse, self._estimate = _tensors(given.inverse), _tensors(given.estimate)
+        self._plays = TruePlays(given.plays, given.rest_V)
         self._before, self._behind, self._feedback = map(
             _Systems, (given.before, given.behind, given.feedback)
         )
         self._last = torch.from_numpy(given.start_um)
         self._eta = self._inverse["plays_um"].expand(lanes, -1)
-        self._xi = self._plays["memory_V"]
-        self._command = torch.full((lanes,), given.rest_V)
-        self._rate = torch.zeros(lanes)
         self.moved_um = torch.zeros(lanes)
         """Change of the displacement at the present sample."""
         estimate = given.estimate
@@ -147,22 +150,52 @@ class _LoopModel:
 
     def follow(self, k: int, more_um: Tensor) -> None:
         """Drive the true plants with a correction that is larger by ``(B,)`` than the one that was."""
-        inverse, plays = self._inverse, self._plays
+        inverse = self._inverse
         changed = self._own + self._fed + more_um
         self._entered = [*self._entered[1:], changed]
         wanted = self._wanted[k] + changed
         grown = self._given.inverse.per_um * (wanted - self._last).abs()
         self._last = wanted
-        thresholds, w = inverse["thresholds_um"] + grown[:, None], wanted[:, None]
-        self._eta = torch.maximum(w - thresholds, torch.minimum(w + thresholds, self._eta))
+        self._eta = _played(self._eta, wanted, inverse["thresholds_um"] + grown[:, None])
         command = self._given.inverse.gain * wanted + self._eta @ inverse["weights"]
-        u = self._before.step(command)
-        self._rate = plays["pole"] * self._rate + plays["per_V"] * (u - self._command)
-        self._command = u
-        grown = plays["delta2_s"] * self._rate.abs()
-        thresholds, w = plays["thresholds_V"] + grown[:, None], u[:, None]
-        self._xi = torch.maximum(w - thresholds, torch.minimum(w + thresholds, self._xi))
-        gives = torch.addcmul((plays["weights"] * self._xi).sum(dim=1), plays["gain"], u)
+        gives = self._plays.step(self._before.step(command))
+        self.moved_um = self._behind.step(gives - self._gave[k])
+
+
+class _BankModel:
+    """Model of the bank on tensors; commands differ by what the search makes of another w."""
+
+    def __init__(self, given: BankModel) -> None:
+        self._given, lanes = given, given.given_um.shape[1]
+        self._commands, self._gave = map(torch.from_numpy, (given.commands_V, given.given_um))
+        self._plays = TruePlays(given.plays, given.rest_V)
+        self._before, self._behind, self._feedback = map(
+            _Systems, (given.before, given.behind, given.feedback)
+        )
+        visited = SearchedCore(given.chords, lanes, given.rest_V)
+        self._wanted = torch.stack([visited.take(each) for each in self._commands])
+        visited, found = SearchedCore(given.chords, lanes, given.rest_V), []
+        for wanted, command in zip(self._wanted, self._commands, strict=True):
+            found.append(visited.found(wanted))
+            visited.take(command)
+        self._besides = self._commands - torch.stack(found)
+        # What was driven with differs from what the search on the belief's core alone finds.
+        self._core = SearchedCore(given.chords, lanes, given.rest_V)
+        self._fed = self._passed = torch.zeros(lanes)
+        self.moved_um = torch.zeros(lanes)
+        """Change of the displacement at the present sample."""
+
+    def answer(self, k: int) -> Tensor:
+        """Let the feedback answer what was measured; nothing but errors and corrections is seen otherwise."""
+        self._fed = self._feedback.step(-self.moved_um)
+        return torch.zeros(())
+
+    def follow(self, k: int, more_um: Tensor) -> None:
+        """Drive the true plants with a correction that is larger by ``(B,)`` than the one that was."""
+        kept = self._given.chords.kept
+        self._passed = kept * self._passed + (1.0 - kept) * (self._fed + more_um)
+        command = self._core.drive(self._wanted[k] + self._passed, self._besides[k])
+        gives = self._plays.step(self._before.step(command))
         self.moved_um = self._behind.step(gives - self._gave[k])
 
 
@@ -183,22 +216,30 @@ class _CorrectionLoops:
         self.moved_um = self._systems.step(more_um)
 
 
-def _around(visited: Rollout) -> _LoopModel | _CorrectionLoops:
+_Around = _LoopModel | _BankModel | _CorrectionLoops
+
+
+def _around(visited: Rollout) -> _Around:
     """Return the loop of a rollout on tensors."""
     given = visited.loop_model
     if isinstance(given, Systems):
         return _CorrectionLoops(given)
+    if isinstance(given, BankModel):
+        return _BankModel(given)
     return _LoopModel(given, visited.seen.shape[1])
 
 
-def _cut_gradients(state: Loop | _LoopModel | _CorrectionLoops | _Systems) -> None:
+_States = _LoopModel | _BankModel | _CorrectionLoops | _Systems | TruePlays | SearchedCore
+
+
+def _cut_gradients(state: Loop | _States) -> None:
     """Detach every tensor of a state: what comes next does not go back beyond here."""
     for name, value in list(vars(state).items()):
         if isinstance(value, Tensor):
             setattr(state, name, value.detach())
         elif isinstance(value, list):
             setattr(state, name, [each.detach() for each in value])
-        elif isinstance(value, _LoopModel | _CorrectionLoops | _Systems):
+        elif isinstance(value, _States):
             _cut_gradients(value)
 
 

@@ -19,7 +19,6 @@ import numpy as np
 import torch
 
 from baselines.core_bank import AdaptiveCoreBank
-from baselines.damping import AdaptiveDualLoop
 from baselines.learned.checkpoint import CheckpointContent, load_checkpoint, save_checkpoint
 from baselines.learned.imitation.fitting import Learner
 from baselines.learned.imitation.policy import (
@@ -69,9 +68,8 @@ class Options:
     task: str = "Stage"
     # Names, joined by commas. Their training draws are taught on, their validation draws choose the
     # policy.
-    baseline: str | None = None
-    # Controller that is corrected; None: ``adaptive-core-bank`` where a task's plants are of another
-    # kind than believed, else ``adaptive-dual-loop``.
+    baseline: str = AdaptiveCoreBank.name
+    # Controller that is corrected.
     timesteps: int = 30_000_000
     # Of all plants together; rounded to whole rounds.
     lanes: int = 96
@@ -116,8 +114,9 @@ class Options:
                 f"lanes is {self.lanes}, and every plant of {self.task} has {references} references; "
                 f"give a multiple of {references}"
             )
-        object.__setattr__(self, "baseline", checked_baseline(self.baseline or _corrected(stages)))
-        if self.baseline != AdaptiveCoreBank.name and (len(stages) > 1 or self.jobs > 1):
+        if checked_baseline(self.baseline) != AdaptiveCoreBank.name and (
+            len(stages) > 1 or self.jobs > 1
+        ):
             raise InputError(
                 f"a student of several tasks, or driven by several processes, corrects {AdaptiveCoreBank.name}; "
                 "give that baseline, or one task and one process"
@@ -146,16 +145,6 @@ class Options:
 
 def _effects(stage: StageTask) -> list[str]:
     return sorted(effect.name for effect in stage.belief().effects)
-
-
-def _corrected(stages: Sequence[StageTask]) -> str:
-    """Return the controller that suits the tasks: the bank where the believed kind is not the true one."""
-    kinds = ((each.nominal().hysteresis.name, each.belief().hysteresis.name) for each in stages)
-    return (
-        AdaptiveDualLoop.name
-        if all(true == believed for true, believed in kinds)
-        else AdaptiveCoreBank.name
-    )
 
 
 LAST_SHARE = 0.03
@@ -316,7 +305,7 @@ class Rounds:
     def _measured_base(self) -> Base:
         options, first = self.options, self.options.stages[0]
         policy = StudentPolicy.untrained(
-            first.belief(), first.layout(), options.hidden, str(options.baseline)
+            first.belief(), first.layout(), options.hidden, options.baseline
         )
         self._report(f"measuring {options.baseline}", 0, 2)
         met = self._met("training", range(self._plants), policy)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from baselines.adaptive_feedforward import HALF, AdaptiveFeedforward
 from baselines.classical import pack_inverse
-from baselines.core_bank import BankFeedforward
+from baselines.core_bank import BankFeedforward, CoreBank
 from baselines.damping import AdaptiveDualLoop
 from baselines.feedforward import Feedforward
 from baselines.learned.imitation.policy import (
@@ -119,6 +119,44 @@ class Plays:
 
 
 @dataclass(frozen=True)
+class Chords:
+    """The search for a command along chords of the belief's core; see :meth:`CoreBank.command`.
+
+    What the mixture adds to the core is taken as it was: of a command that differs by nanometres it
+    differs by far less.
+    """
+
+    gain: float
+    weights: Float32
+    thresholds_V: Float32  # a_0 (µm/V), a_i and r_i of the plays, ``(n,)``
+    delta2_s: float
+    pole: float
+    per_V: float  # of the rate's low-pass, as of :class:`Plays`
+    kept: float  # what the believed lag in front leaves of a distance in a sample
+    slopes: tuple[float, float, float]  # least, usual and largest (µm/V)
+    range_V: tuple[float, float]
+    memory_V: Float32  # plays at rest, ``(n,)``
+
+    @classmethod
+    def of(cls, bank: CoreBank, ts_s: float) -> Chords:
+        """Take over what a bank searches with."""
+        core = bank.core
+        pole = core.rate_pole(ts_s)
+        return cls(
+            core.a0,
+            single(np.array(core.weights[1:])),
+            single(np.array(core.thresholds_V)),
+            core.delta2_s,
+            pole,
+            (1.0 - pole) / ts_s,
+            bank.lag,
+            bank.slopes,
+            bank.range_V,
+            single(np.array(core.settled((bank.rest_V,)))),
+        )
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The estimate along what was visited, and what moves it.
 
@@ -187,6 +225,41 @@ class LoopModel:
     feedback: Systems  # linear parts: of the command, of what the plays give, and of the error
 
 
+@dataclass(frozen=True)
+class BankModel:
+    """The same of a correction of the bank of cores: it searches a command for w, and its estimate stays.
+
+    The rate of a fast correction takes most of what its command gives, so the search ends short of it,
+    and more of it comes a sample later: a filter that no linear part of the plant has.
+    """
+
+    commands_V: Float32
+    given_um: Float32  # what drove the true plants, and what their plays gave, ``(K, B)``
+    rest_V: float
+    chords: Chords
+    plays: Plays
+    before: Systems
+    behind: Systems
+    feedback: Systems
+
+    @classmethod
+    def joined(cls, parts: Sequence[BankModel]) -> BankModel:
+        """Return the models of all lanes, which hold one belief."""
+        plays = (
+            np.concatenate([getattr(part.plays, each.name) for part in parts])
+            for each in fields(Plays)
+        )
+        systems = (
+            Systems.joined([getattr(part, name) for part in parts])
+            for name in ("before", "behind", "feedback")
+        )
+        return cls(
+            np.concatenate([part.commands_V for part in parts], axis=1),
+            np.concatenate([part.given_um for part in parts], axis=1),
+            parts[0].rest_V, parts[0].chords, Plays(*plays), *systems,
+        )  # fmt: skip
+
+
 def correction_loop(truth: PlantModel, feedback: LinearSystem, ts_s: float) -> LinearSystem:
     """Return the system from the correction of w at a decision to the displacement a sample later.
 
@@ -200,32 +273,36 @@ def correction_loop(truth: PlantModel, feedback: LinearSystem, ts_s: float) -> L
 
 def loop_model(
     lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[DecisionSample], commands_V: Array
-) -> LoopModel | Systems:
+) -> LoopModel | BankModel | Systems:
     """Return what surrounded a student that drove lanes: where the true core is another, :func:`correction_loop`."""
     ts_s, adaptive = lanes.task.ts_s, base.feedforward
     truths = {draw.number: draw.truth for draw in lanes.draws}
     each = [truths[number] for number in lanes.numbers]
-    is_known = all(isinstance(truth.hysteresis, RDPI) for truth in each)
-    if not is_known or isinstance(adaptive, BankFeedforward):
+    if not all(isinstance(truth.hysteresis, RDPI) for truth in [*each, base.belief]):
         loops = {
             number: correction_loop(truth, base.feedback, ts_s) for number, truth in truths.items()
         }
         return Systems.of([loops[number] for number in lanes.numbers])
-    offset = base.belief.offset_um
-    plant = _plays_alone(each, ts_s, base.limits.rest_V)
+    rest_V = base.limits.rest_V
+    plant = _plays_alone(each, ts_s, rest_V)
     memory = plant.memory.copy()
+    given_um = single(plant.simulate(commands_V))
     before, behind = zip(*(_parts(truth, ts_s) for truth in each), strict=True)
+    plays = Plays.of([truth.hysteresis for truth in each], ts_s, memory)
+    around = Systems.of(before), Systems.of(behind), Systems.of([base.feedback] * len(each))
+    if isinstance(adaptive, BankFeedforward):
+        chords = Chords.of(adaptive.bank, ts_s)
+        return BankModel(single(commands_V), given_um, rest_V, chords, plays, *around)
+    offset = base.belief.offset_um
     return LoopModel(
         single(np.stack([moment.wanted_um for moment in moments]) - offset),
         single(lanes.references_um[0] - offset),
-        single(plant.simulate(commands_V)),
-        base.limits.rest_V,
+        given_um,
+        rest_V,
         Inverse.of(adaptive.inverse),
-        Plays.of([truth.hysteresis for truth in each], ts_s, memory),
+        plays,
         Estimate.of(adaptive, moments),
-        Systems.of(before),
-        Systems.of(behind),
-        Systems.of([base.feedback] * len(each)),
+        *around,
     )
 
 
@@ -276,17 +353,19 @@ class Rollout:
     correction: Float32
     # Measured error that was seen, and the correction that was answered, ``float32[K, B]``.
     left: Float32  # true tracking error one sample later, ``float32[K, B]``
-    loop_model: LoopModel | Systems  # what another correction would have met
+    loop_model: LoopModel | BankModel | Systems  # what another correction would have met
     first: int  # decision from which on errors are scored
     score: Score  # of the run
     largest: Mapping[str, float]  # how far its loops went, see :mod:`baselines.monitors`
 
     @classmethod
     def joined(cls, parts: Sequence[Rollout]) -> Rollout:
-        """Return rollouts side by side, as one; several have a :func:`correction_loop` each."""
+        """Return rollouts side by side, as one; several are of one sort, and not :class:`LoopModel`."""
         if len(parts) == 1:
             return parts[0]
         loops = [part.loop_model for part in parts if isinstance(part.loop_model, Systems)]
+        banks = [part.loop_model for part in parts if isinstance(part.loop_model, BankModel)]
+        around = Systems.joined(loops) if loops else BankModel.joined(banks)
 
         def joined(name: str) -> Float32:
             return np.concatenate([getattr(one, name) for one in parts], axis=-1)
@@ -294,7 +373,7 @@ class Rollout:
         furthest = {name: max(one.largest[name] for one in parts) for name in parts[0].largest}
         return cls(
             joined("seen"), joined("error"), joined("correction"), joined("left"),
-            Systems.joined(loops), parts[0].first, Score.joined([one.score for one in parts]), furthest,
+            around, parts[0].first, Score.joined([one.score for one in parts]), furthest,
         )  # fmt: skip
 
 
