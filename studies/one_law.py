@@ -339,7 +339,10 @@ def _trial_files(chosen: Namespace, part: Literal["measured", "long"]) -> Files:
         frame = pd.DataFrame([{c: row.get(c) for c in columns} for row in rows])
         frame = frame.rename(columns={"way": "samples", "seconds": "processor s"})
         title = "Long records and short ones: what is hidden, named, left (µm), and processor time."
-    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `python -m studies.one_law --part {part}`. {title}\n\n"
+    command = f"python -m studies.one_law --part {part}" + (
+        f" --records {chosen.records}" if chosen.records else ""
+    )
+    text = f"# {title.partition(',')[0].partition(':')[0]}\n\nMade by `{command}`. {title}\n\n"
     return {
         f"{part}.csv": frame,
         f"{part}.md": f"{text}{frame_table(frame, digits=3, rule='plain')}\n",
