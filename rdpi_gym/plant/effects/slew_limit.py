@@ -290,7 +290,7 @@ def _settling(
     behind: float, at: float, slope: float, limits: tuple[float, float], lag: float, power: float
 ) -> tuple[float, float]:
     """Rate of input less output (V a sample), and of its decay (1 a sample), linearised at a place."""
-    share = max(abs(at) / (lag * (limits[0] if at > 0.0 else limits[1])), 1e-300)
+    share = max(abs(at) / (lag * (limits[0] if at > 0.0 else limits[1])), 1e-30)
     size = math.log(share)
     kept = -math.log(1.0 + math.exp(-power * abs(size))) / power - max(size, 0.0)
     # in saturation nothing decays, and neither do roundings
