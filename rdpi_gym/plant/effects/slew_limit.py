@@ -293,7 +293,7 @@ def _settling(
     share = max(abs(at) / (lag * (limits[0] if at > 0.0 else limits[1])), 1e-30)
     size = math.log(share)
     kept = -math.log(1.0 + math.exp(-power * abs(size))) / power - max(size, 0.0)
-    # in saturation nothing decays, and neither do roundings
+    # in saturation nothing decays
     decay = max(math.exp((1.0 + power) * kept) / lag, 1e-6)
     return slope - at * math.exp(kept) / lag - decay * (behind - at), decay
 
@@ -314,9 +314,9 @@ def soft_charging_block(x: Array, u: Array, p: Array, state: Array, ts: float, y
             behind, slope = state[0, b] - state[1, b], x[t, b] - state[0, b]
             for _ in range(_STEPS):
                 rate, decay = _settling(behind, behind, slope, limits, lag, power)
-                middle = behind + rate * (1.0 - math.exp(-0.5 * h * decay)) / decay
+                middle = behind - rate * math.expm1(-0.5 * h * decay) / decay
                 rate, decay = _settling(behind, middle, slope, limits, lag, power)
-                behind += rate * (1.0 - math.exp(-h * decay)) / decay
+                behind -= rate * math.expm1(-h * decay) / decay
             step = x[t, b] - behind - state[1, b]
             state[0, b] = x[t, b]
             state[1, b] += min(max(step, -limits[1]), limits[0])
