@@ -90,5 +90,5 @@ class FourthOrderActuatorLag(FourthOrderLag, of=ActuatorLag):
     Examples
     --------
     >>> FourthOrderActuatorLag(1e-3, 3 / 7, 2 / 9, 0.3).run([0.0, 1.0, 2.0, 3.0], 1e-3).round(3).tolist()
-    [0.0, 0.189, 0.998, 1.999]
+    [0.0, 0.158, 0.996, 2.001]
     """

@@ -331,7 +331,7 @@ class SoftLimit(Charging, of=SlewLimit):
     --------
     >>> amplifier = SoftLimit(up_V_s=1000.0, down_V_s=1000.0, time_constant_s=1e-3, sharpness=2.0)
     >>> amplifier.run([0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 4.0], 1e-3).round(2).tolist()
-    [0.0, 0.0, 0.76, 1.7, 2.57, 3.29, 3.71]
+    [0.0, 0.0, 0.76, 1.7, 2.58, 3.29, 3.71]
     """
 
     sharpness: float = parameter(2.0, "1", 1.0, 20.0, (1.5, 6.0), "sharpness of the knee, p")
