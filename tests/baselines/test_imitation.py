@@ -118,7 +118,7 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
 
 
 def test_kernels_have_the_gradients_of_what_they_compute():
-    """Of piecewise linear sums, whose differences are exact but where a play turns."""
+    """Gradients of piecewise linear sums: their differences are exact but where a play turns."""
     rng = np.random.default_rng(0)
     chords = Chords.of(AdaptiveCoreBank(STAGE.belief(), TASK.layout()).feedforward.bank, 1e-4)
     chords = replace(chords, slopes=(chords.slopes[1],) * 3)  # slopes count as given

@@ -93,12 +93,6 @@ class _Systems:
         return found
 
 
-def _played(memory: Tensor, u: Tensor, thresholds: Tensor) -> Tensor:
-    """Move plays ``[B, n]`` on to a command."""
-    w = u[:, None]
-    return torch.maximum(w - thresholds, torch.minimum(w + thresholds, memory))
-
-
 class _LoopModel:
     """Loop model on tensors, in µm and V: absolute where they are not linear, and else what has changed."""
 
@@ -156,7 +150,8 @@ class _LoopModel:
         wanted = self._wanted[k] + changed
         grown = self._given.inverse.per_um * (wanted - self._last).abs()
         self._last = wanted
-        self._eta = _played(self._eta, wanted, inverse["thresholds_um"] + grown[:, None])
+        thresholds, w = inverse["thresholds_um"] + grown[:, None], wanted[:, None]
+        self._eta = torch.maximum(w - thresholds, torch.minimum(w + thresholds, self._eta))
         command = self._given.inverse.gain * wanted + self._eta @ inverse["weights"]
         gives = self._plays.step(self._before.step(command))
         self.moved_um = self._behind.step(gives - self._gave[k])
@@ -167,19 +162,15 @@ class _BankModel:
 
     def __init__(self, given: BankModel) -> None:
         self._given, lanes = given, given.given_um.shape[1]
-        self._commands, self._gave = map(torch.from_numpy, (given.commands_V, given.given_um))
+        commands, self._gave = map(torch.from_numpy, (given.commands_V, given.given_um))
         self._plays = TruePlays(given.plays, given.rest_V)
         self._before, self._behind, self._feedback = map(
             _Systems, (given.before, given.behind, given.feedback)
         )
         visited = SearchedCore(given.chords, lanes, given.rest_V)
-        self._wanted = torch.stack([visited.take(each) for each in self._commands])
-        visited, found = SearchedCore(given.chords, lanes, given.rest_V), []
-        for wanted, command in zip(self._wanted, self._commands, strict=True):
-            found.append(visited.found(wanted))
-            visited.take(command)
-        self._besides = self._commands - torch.stack(found)
         # What was driven with differs from what the search on the belief's core alone finds.
+        both = zip(*(visited.take(command) for command in commands), strict=True)
+        self._wanted, self._besides = map(torch.stack, map(list, both))
         self._core = SearchedCore(given.chords, lanes, given.rest_V)
         self._fed = self._passed = torch.zeros(lanes)
         self.moved_um = torch.zeros(lanes)

@@ -50,17 +50,12 @@ class SearchedCore:
         self._bounds = (*chords.slopes, *chords.range_V)
         self._state = _at_rest(rest_V, self._numbers, each(chords.memory_V))
 
-    def take(self, command_V: Tensor) -> Tensor:
-        """Move on by a command; return what the core gives (µm)."""
-        self._state = _moved(command_V, self._state, self._numbers)
-        return self._state[:, 2]
-
-    def found(self, wanted_um: Tensor) -> Tensor:
-        """Return the command (V) that is found for what the core is to give (µm)."""
-        command, _ = _searched(
-            wanted_um, torch.zeros_like(wanted_um), self._state, self._numbers, self._bounds
-        )
-        return command
+    def take(self, command_V: Tensor) -> tuple[Tensor, Tensor]:
+        """Move on by a command; return what the core gives (µm), and what is besides the one found for it (V)."""
+        before, self._state = self._state, _moved(command_V, self._state, self._numbers)
+        gives = self._state[:, 2]
+        found, _ = _searched(gives, torch.zeros_like(gives), before, self._numbers, self._bounds)
+        return gives, command_V - found
 
     def drive(self, wanted_um: Tensor, besides_V: Tensor) -> Tensor:
         """Move on by what is found and something besides; return that command (V)."""

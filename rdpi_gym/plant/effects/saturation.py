@@ -232,24 +232,18 @@ class SoftUnlikeRails(Saturation, of=Saturation):
         )
 
 
-@njit(inline="always")
-def behind_knee(value: float, limit: float, power: float) -> float:
-    """Value softened towards a limit with a knee of a sharpness, value / (1 + |value / limit|^p)^(1/p)."""
-    share = abs(value) / limit
-    if share <= 1.0:
-        return float(value * (1.0 + share**power) ** (-1.0 / power))
-    # the same, without a power that overflows
-    return float(value * (1.0 + share**-power) ** (-1.0 / power) / share)
-
-
 @njit(cache=True)
 def knee_block(x: Array, u: Array, p: Array, state: Array, ts: float, y: Array) -> None:
     """Kernel; rows of ``p``: limit above, limit below, centre (V), sharpness. No state."""
     for t in range(x.shape[0]):
         for b in range(x.shape[1]):
             swing = x[t, b] - p[2, b]
-            limit = p[0, b] if swing > 0.0 else p[1, b]
-            y[t, b] = p[2, b] + behind_knee(swing, limit, p[3, b])
+            share, power = abs(swing) / (p[0, b] if swing > 0.0 else p[1, b]), p[3, b]
+            if share <= 1.0:
+                swing *= (1.0 + share**power) ** (-1.0 / power)
+            else:  # the same, without a power that overflows
+                swing = swing * (1.0 + share**-power) ** (-1.0 / power) / share
+            y[t, b] = p[2, b] + swing
 
 
 @dataclass(frozen=True)
