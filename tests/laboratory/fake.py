@@ -23,6 +23,7 @@ from rdpi_gym.laboratory.session_json import state_of
 from rdpi_gym.measurement import Record
 from rdpi_gym.support.errors import InputError
 
+_NOISE_UM = 0.021  # also where the state is an empty one: a page may still ask for views of before
 _PARTS = (("creep", 0.5), ("resonance", 0.22), ("delay", 0.09))  # µm that each leaves
 
 
@@ -177,7 +178,7 @@ class Laboratory:
         roles = ["train", "validation", "train", "quiet", "test", "unused"]
         self.state = empty_state()
         self.state["title"] = "Made-up stage"
-        self.state["noise_um"] = 0.021
+        self.state["noise_um"] = _NOISE_UM
         self.state["sentence"] = (
             "0.55 µm rms on held-out records, 26 noise floors: most in slow stretches of sine-05, which drift after every step."
         )
@@ -258,8 +259,8 @@ class Laboratory:
 
     def data(self):
         names = {r["name"] for r in self.state["records"]}  # a page may still ask for one of before
-        self.names |= names
-        return SimpleNamespace(records=[self.measured(name)[0] for name in self.names])
+        self.names = asked = self.names | names  # questions are answered in threads
+        return SimpleNamespace(records=[self.measured(name)[0] for name in asked])
 
     def begun(self):
         self.loop, self.running = asyncio.get_running_loop(), True
@@ -276,7 +277,7 @@ class Laboratory:
             return SimpleNamespace(
                 state=self.telling, acting=asyncio.Lock(), start=self.begun, close=lambda: None,
                 put_file=self.put_file, delete_file=self.delete_file, displacement=self.displacement,
-                session=SimpleNamespace(need_data=self.data), noise_um=lambda: self.state["noise_um"],
+                session=SimpleNamespace(need_data=self.data), noise_um=lambda: _NOISE_UM,
                 plant_shown=lambda step: names_of(self.state),
                 plant_with=lambda effect, step: [*names_of(self.state), effect],
             )  # fmt: skip
