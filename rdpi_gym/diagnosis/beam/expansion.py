@@ -29,6 +29,7 @@ class Asked:
     against: Place  # What they have to gain upon
     most: int = 1  # Looks of the group that are refitted whole
     clocks: Sequence[Look] = ()
+    may_lose: bool = False  # Whether all looks that are not worse are refitted
 
 
 def offered(evidence: Evidence, of: Visited) -> list[Signature]:
@@ -64,9 +65,11 @@ def _asked(
         found.append(Asked(of, place, starts, place, REFITTED, place.clocks()))
     for effect in _free(evidence, of.model):
         bare = place.without(effect.name)
+        others = bare.names() if leads and bare.model.key not in done else []
         if grows:
-            others = bare.names() if leads and bare.model.key not in done else []
             found.append(Asked(of, bare, [*bare.forms(effect), *others], place))
+        elif others:
+            found.append(Asked(of, bare, others, place, may_lose=True))
         if bare.model.key not in known:
             found.append(Asked(of, bare, ((),), place))
     return found
@@ -122,7 +125,7 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
         if base is None:
             continue
         near = each.place.evidence
-        if () in each.starts:
+        if each.may_lose or () in each.starts:
             chosen = bearable(base, found, near)
         else:
             chosen = raced(base, found, near, each.most)

@@ -255,18 +255,21 @@ class Place:
         A step says little of a curved form, and nothing of an effect that stands still.
         """
         promised = [own.start for forms in self._first for _, own in forms]
-        names = {start.name for start in promised}
-        still = [
-            start
-            for form in self._offered_forms
-            if form.stands_still and not form.form and form.name not in names
-            for start in form.starts(self.evidence.scale)
-        ]
-        return [(start,) for start in (*promised, *still)]
+        return [*((start,) for start in promised), *self._still]
 
     def names(self) -> list[Starts]:
-        """Start of each of these effects that promises most."""
-        return [(forms[0][1].start,) for forms in self._first]
+        """Start of each of these effects that promises most, and those that no step tells."""
+        return [*((forms[0][1].start,) for forms in self._first), *self._still]
+
+    @property
+    def _still(self) -> list[Starts]:
+        """Starts of the effects that stand still in their simplest form."""
+        return [
+            (start,)
+            for form in self._offered_forms
+            if form.stands_still and not form.form
+            for start in form.starts(self.evidence.scale)
+        ]
 
     @property
     def _first(self) -> list[list[tuple[float, Promise]]]:

@@ -264,9 +264,7 @@ class Scores:
 
     def _left(self, one: Visited, part: slice = slice(None)) -> float:
         """Nats that a set leaves above the floor, in all blocks or in a part of them."""
-        ratio = self.blocks.ratios(one.lefts, self.floors_um)[part]
-        mean = float(np.log(np.maximum(ratio, 1e-12)).mean())
-        return max(mean, 0.0) * ratio.size / TEMPERATURE
+        return float(self.of(one)[part].sum()) / TEMPERATURE
 
     def outweighs(self, move: Visited, of: Visited) -> bool:
         """Whether a move weighs more than the set that it is of, less what its best phantom gains.
