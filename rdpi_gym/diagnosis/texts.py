@@ -606,8 +606,8 @@ RECORDS: Mapping[str, str] = {
     + "lie before the command has passed both of its extremes: the record begins in "
     "motion, and what came before it is unknown.",
     "unknown past": "{samples} of {whole} samples of {records} left out of the fit, of the verdict and of "
-    "the errors, and one offset fitted to each stretch between them: the history of the memory there "
-    "was not recorded.",
+    "the errors, and an offset and the free response of creep fitted to each stretch between them: the "
+    "history there was not recorded.",
     "exchanged": "{judged} agreed with the model to the noise and {fitted} did not: the model is fitted to "
     "{fitted} and validated on {judged}.",
     "clock/lead by one": "{samples:~3} sample: by so much the {output} of {records} leads its command, "

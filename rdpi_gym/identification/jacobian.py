@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeAlias
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.chain import (
@@ -36,6 +37,8 @@ from rdpi_gym.plant.model import AnyCore
 from rdpi_gym.plant.plant import Stage, core_links
 from rdpi_gym.support.arrays import Array
 
+_WITHIN = 1.0 - 1e-9  # Of a bound, as far as a solver of least squares tells it
+_SEEN = 1e-9  # Share of the largest free response below which another is no column
 # Samples that run through the stages at a time: their lanes stay in the cache.
 _CHUNK = 1024
 
@@ -357,6 +360,45 @@ def _widened(x: Array, lanes: int) -> Array:
         return x
     wide: Array = x.take([*range(x.shape[1]), *[0] * (lanes - x.shape[1])], axis=1)
     return wide
+
+
+def take_out_initial(
+    rows: Array, record: Record, effects: Sequence[Effect], kept: NDArray[Any]
+) -> None:
+    """Take out of columns what a record leaves open: its offset, and free responses of unknown states.
+
+    An element of an unknown past may begin twice as far from equilibrium as the record moves: the plant
+    may have stood beside its range. So much of the residual, the last column, is its free response, and
+    derivatives are those beside it.
+    """
+    centre(rows)
+    free = _free_responses(record, effects, kept)
+    if not free.shape[1]:
+        return
+    q, r = np.linalg.qr(free)
+    share = lsq_linear(r, q.T @ rows[:, -1], (-1.0, 1.0), "bvls").x
+    rows[:, -1] -= free @ share
+    q, _ = np.linalg.qr(free[:, np.abs(share) < _WITHIN])
+    rows[:, :-1] -= q @ (q.T @ rows[:, :-1])
+
+
+def _free_responses(record: Record, effects: Sequence[Effect], kept: NDArray[Any]) -> Array:
+    """Largest free responses of elements whose past is unknown, centred (µm), ``(N, K)``."""
+    past_s = (record.t_s - record.t_s[0])[kept]
+    unknown = record.past_unknown or any(effect.slot == "memory" for effect in effects)
+    pairs = [pair for e in effects for pair in zip(*e.slow_elements(), strict=True) if unknown]
+    gains, taus_s = np.array(pairs).reshape(-1, 2).T
+    largest_um = gains * 2.0 * float(np.ptp(record.y_um[record.error_mask]))
+    free = largest_um * np.exp(-past_s[:, None] / taus_s)
+    free -= free.mean(axis=0)
+    return np.asarray(free[:, np.any(np.abs(free) > _SEEN * largest_um.max(initial=0.0), axis=0)])
+
+
+def centred(left: Array, record: Record, effects: Sequence[Effect], kept: NDArray[Any]) -> Array:
+    """Return a residual (µm) less what a record leaves open."""
+    column = left[:, None].copy()
+    take_out_initial(column, record, effects, kept)
+    return np.asarray(column[:, 0])
 
 
 @njit(cache=True)

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rdpi_gym.identification.fitting import MIN_MOTION
-from rdpi_gym.identification.jacobian import Neighbours, Variant, centre
+from rdpi_gym.identification.jacobian import Neighbours, Variant, take_out_initial
 from rdpi_gym.identification.least_squares import BoolArray, signed_least_squares
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
@@ -265,8 +265,8 @@ class _Problem:
         gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
         lanes = Neighbours(variant, *self.neighbours(variant), gain_steps)
         found = [lanes.derivatives(r, k) for r, k in zip(self.records, self.kept, strict=True)]
-        for each in found:
-            centre(each)
+        for each, r, k in zip(found, self.records, self.kept, strict=True):
+            take_out_initial(each, r, variant.effects, k)
         return found
 
     def light_pass(self, variant: Variant[Any], last: _Pass) -> _Pass:
@@ -283,8 +283,8 @@ class _Problem:
         """Derivatives by every free number and the residual, by record, centred."""
         lanes = Neighbours(variant, *self.neighbours(variant))
         found = [lanes.changes(r, k) for r, k in zip(self.records, self.kept, strict=True)]
-        for each in found:
-            centre(each)
+        for each, r, k in zip(found, self.records, self.kept, strict=True):
+            take_out_initial(each, r, variant.effects, k)
         return found
 
     def stepped(self, best: Variant[Any], here: _Pass, damping: float) -> Variant[Any]:
@@ -664,7 +664,7 @@ def effect_rows(
     parts = []
     for record, kept in zip(records, kept_samples(records, samples), strict=True):
         rows = apart.changes(record, kept)
-        centre(rows)
+        take_out_initial(rows, record, base.effects, kept)
         parts.append(np.hstack([np.zeros((len(rows), 1)), rows]))  # of the base, less itself
     found, first = [], 0
     for variant, free in zip(variants, own, strict=True):

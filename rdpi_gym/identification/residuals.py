@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, centred, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, PlantModel, settled_memory
 from rdpi_gym.support.arrays import Array
@@ -162,8 +162,7 @@ _DRAWS = 400
 def centred_residual(variant: Variant[Any], record: Record) -> Array:
     """Return what a model leaves of the samples that count (µm), offset free."""
     left = (record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
-    centred: Array = left - left.mean()
-    return centred
+    return centred(left, record, variant.effects, record.error_mask)
 
 
 def pieces_of(lefts: Sequence[Array]) -> Array:

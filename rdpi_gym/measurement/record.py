@@ -68,6 +68,8 @@ class Record:
     before_V
         Voltage (V) of the M samples before the first one, (M,): simulated for the memory that it
         leaves, never compared. None by default.
+    past_unknown
+        Whether slow elements of a model may begin out of equilibrium: nobody recorded what came before.
 
     Raises
     ------
@@ -99,6 +101,7 @@ class Record:
     others: Mapping[str, Array] = field(default_factory=dict)
     before_V: Array = field(default_factory=lambda: np.zeros(0))
     jitter_s: float = 0.0
+    past_unknown: bool = False
 
     def __post_init__(self) -> None:
         samples = self.t_s.size

@@ -259,5 +259,7 @@ def _in_stretches(dataset: Dataset, names: Collection[str], at_end: bool) -> Dat
     for record in dataset.records:
         masks = stretches(record) if record.name in names else []
         turn = -1 if at_end else 1
-        found += [replace(record, error_mask=mask[::turn]) for mask in masks] or [record]
+        found += [
+            replace(record, error_mask=mask[::turn], past_unknown=True) for mask in masks
+        ] or [record]
     return replace(dataset, records=tuple(found))

@@ -21,7 +21,7 @@ from rdpi_gym.diagnosis.beam.score import (
     whole_step,
     within,
 )
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, centred, simulate_effects
 from rdpi_gym.identification.joint import (
     JointFit,
     Tangents,
@@ -115,7 +115,7 @@ def residuals(records: Sequence[Record], variant: Variant[Core], samples: int) -
     found = []
     for record, kept in zip(records, kept_samples(records, samples), strict=True):
         left = (record.y_um - simulate_effects([variant], record)[:, 0])[kept]
-        found.append(left - left.mean())
+        found.append(centred(left, record, variant.effects, kept))
     return found
 
 

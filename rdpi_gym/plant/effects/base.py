@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from inspect import get_annotations
 from types import MappingProxyType
@@ -372,6 +372,10 @@ class Effect(ABC):
     def slow_lag_s(self) -> float | None:
         """Lag behind a slow ramp of a linear stage with a gain of one (s); None of other stages."""
         return None
+
+    def slow_elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Gains (1) and time constants (s) of first-order elements side by side, z of τ dz/dt + z = x."""
+        return (), ()
 
     @classmethod
     def full_name(cls) -> str:
