@@ -80,7 +80,7 @@ class Study:
         Taught("stage", "Stage", 28_800_000),
         Taught("resonance", "Resonance", 9_600_000),
         Taught("creep", "Creep", 7_200_000),
-        Taught("lag", "Lag", 7_200_000),
+        Taught("lag", "Lag", 36_000_000),
         Taught("kinds", "Preisach,BoucWen,Duhem", 45_000_000, lanes=90),
     )
 
