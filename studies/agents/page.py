@@ -220,10 +220,10 @@ def strangest(rankings: pd.DataFrame, prefix: str) -> dict[str, Any]:
     names = rankings["controller"]
     base = rankings[names == AdaptiveCoreBank.name].set_index("task")["iqm_percent"]
     own = rankings[names.str.startswith(prefix) & (rankings["failed"] == 0.0)]
-    times = own["iqm_percent"] / own["task"].map(base)
-    row = own.loc[times.idxmax()]
+    own = own.assign(times=own["iqm_percent"] / own["task"].map(base))
+    row = own.nlargest(1, "times").iloc[0]
     student = str(row["controller"]).partition(":")[2]
-    return {"student": student, "task": str(row["task"]), "times": float(times.max())}
+    return {"student": student, "task": str(row["task"]), "times": float(row["times"])}
 
 
 def standing_view(found: pd.DataFrame) -> pd.DataFrame:
