@@ -114,9 +114,9 @@ def _teach(study: Study, options: Namespace) -> None:
     from studies.agents.shipping import teach  # torch, only where needed
 
     policies = options.runs / "policies" if study is QUICK else POLICIES
-    for task, timesteps in study.taught:
+    for each in study.taught:
         with progress_bar() as show:
-            print(f"policy: {teach(task, timesteps, options.runs, policies, show)}")
+            print(f"policy: {teach(each, options.runs, policies, show)}")
 
 
 def _walk(study: Study, options: Namespace) -> None:

@@ -15,6 +15,7 @@ import pandas as pd
 import yaml
 
 from baselines import GUARDED, LEARNED
+from baselines.core_bank import AdaptiveCoreBank
 from rdpi_gym.plant import P10
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import read_json, write_json
@@ -94,6 +95,10 @@ def page_facts(results: Path) -> dict[str, Any]:
             "student": str(worst["controller"]).removeprefix(LEARNED),
             "task": str(worst["task"]),
             "percent": 100.0 * float(worst["failed"]),
+        },
+        "strangest": {
+            role: strangest(rankings, f"{prefix}imitation-")
+            for role, prefix in (("alone", LEARNED), ("guarded", GUARDED))
         },
         "student_us": float(students["microseconds_per_sample"].min()),
         "reacting_ahead": tasks_standing(task_leaders(rankings[~names.str.contains(":imitation")]))[
@@ -199,16 +204,26 @@ def task_leaders(rankings: pd.DataFrame) -> pd.DataFrame:
 
 
 def tasks_standing(found: pd.DataFrame) -> dict[str, Any]:
-    """Return the tasks on which a policy is ahead, and ratios of the errors."""
+    """Return the tasks on which a policy is ahead, those on which none runs, and ratios of the errors."""
     runs = found["learned_failed"] < 1.0
     ahead = found.loc[runs & (found["ratio"] < 1.0), "task"].tolist()
-    behind = found.loc[runs & (found["ratio"] >= 1.0), "ratio"]
     return {
         "ahead": joined(ahead) if ahead else "no task",
         "tasks_ahead": len(ahead),
-        "behind": _span(behind) if len(behind) else "none",
+        "not_run": found.loc[~runs, "task"].tolist(),
         "ratios": dict(zip(found["task"], found["ratio"], strict=True)),
     }
+
+
+def strangest(rankings: pd.DataFrame, prefix: str) -> dict[str, Any]:
+    """Return which student, where none of its plants fails, leaves the most times the error of what it corrects."""
+    names = rankings["controller"]
+    base = rankings[names == AdaptiveCoreBank.name].set_index("task")["iqm_percent"]
+    own = rankings[names.str.startswith(prefix) & (rankings["failed"] == 0.0)]
+    own = own.assign(times=own["iqm_percent"] / own["task"].map(base))
+    row = own.nlargest(1, "times").iloc[0]
+    student = str(row["controller"]).partition(":")[2]
+    return {"student": student, "task": str(row["task"]), "times": float(row["times"])}
 
 
 def standing_view(found: pd.DataFrame) -> pd.DataFrame:

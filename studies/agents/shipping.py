@@ -15,7 +15,7 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.files import replaced_folder, write_atomic
 from rdpi_gym.support.progress import Progress
 from studies.agents.tables import interquartile_mean
-from studies.agents.training import Training
+from studies.agents.training import Taught, Training
 
 LIMIT_BYTES = 2**20
 """Most bytes of all shipped policies together."""
@@ -104,12 +104,12 @@ def folder_bytes(folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.iterdir())
 
 
-def teach(
-    task: str, timesteps: int, runs: Path, target: Path, progress: Progress | None = None
-) -> Path:
-    """Teach a student on a task, from where an earlier run stopped, and put it among what ships."""
-    name = f"imitation-{task.lower()}"
-    options = Options(out=runs / name, task=task, timesteps=timesteps)
+def teach(taught: Taught, runs: Path, target: Path, progress: Progress | None = None) -> Path:
+    """Teach a student, from where an earlier run stopped, and put it among what ships."""
+    name = f"imitation-{taught.name}"
+    options = Options(
+        out=runs / name, task=taught.task, timesteps=taught.timesteps, lanes=taught.lanes
+    )
     policy = train(options, progress)
     with replaced_folder(target / name) as fresh:
         for file in sorted(policy.iterdir()):

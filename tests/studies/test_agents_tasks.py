@@ -11,7 +11,7 @@ from benchmarks.stages.ranking import ranking
 from benchmarks.stages.run import run_tasks
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.words import number
-from studies.agents.page import standing_view, task_leaders
+from studies.agents.page import standing_view, strangest, task_leaders
 from studies.training_race import TABLE, read_rankings
 
 PAGE = Path(__file__).parents[2] / "docs" / "agents.md"
@@ -45,6 +45,19 @@ def test_a_policy_that_fails_everywhere_has_no_ratio():
     assert line["best policy"] == "`ppo`: 100 (100 % fail)"
     assert line["best with its monitor"] == "`ppo`: 0.6 (0 % fail)"
     assert line["policy's IQM over that"] == "–"
+
+
+def test_the_student_farthest_from_what_it_corrects_is_named_where_none_fails():
+    found = rankings(
+        ("Bare", "adaptive-core-bank", 0.0, 0.2, 0.1),
+        ("Bare", "learned:imitation-a", 0.0, 0.9, 0.3),
+        ("Bare", "learned:ppo", 0.0, 9.0, 8.0),
+        ("Slow", "adaptive-core-bank", 0.0, 0.2, 0.05),
+        ("Slow", "learned:imitation-a", 0.0, 0.3, 0.2),
+        ("Slow", "learned:imitation-b", 0.5, 100.0, 100.0),
+    )
+    told = strangest(found, "learned:imitation-")
+    assert told == {"student": "imitation-a", "task": "Slow", "times": pytest.approx(4.0)}
 
 
 def test_a_table_that_lacks_policies_is_one_clear_line(tmp_path):
