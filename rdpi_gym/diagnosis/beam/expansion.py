@@ -69,7 +69,7 @@ def _asked(
         if grows:
             found.append(Asked(of, bare, [*bare.forms(effect), *others], place))
         elif others:
-            found.append(Asked(of, bare, others, place, may_lose=True))
+            found.append(Asked(of, bare, [*others, *bare.still()], place, may_lose=True))
         if bare.model.key not in known:
             found.append(Asked(of, bare, ((),), place))
     return found

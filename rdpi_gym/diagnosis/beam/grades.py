@@ -62,7 +62,7 @@ def names_of(beam: Beam, scores: Scores, best: Visited) -> tuple[Name, ...]:
 
 
 def _loses(scores: Scores, best: Visited, name: str) -> bool:
-    """Whether a free block in the place of a name is better by the one decision."""
+    """Whether a free block in the place of a name is better by the one decision, whatever its form."""
     rivals = [
         one
         for one in scores.sets
@@ -71,7 +71,8 @@ def _loses(scores: Scores, best: Visited, name: str) -> bool:
     ]
     if not rivals:
         return False
-    here = scores.of(best)
+    forms = [one for one in scores.sets if one.model.names == best.model.names]
+    here = min(map(scores.of, forms), key=np.sum)
     gains = np.array([here - scores.of(one) for one in rivals])
     return bool(min(chances(gains, np.zeros(len(rivals)), scores.draws)) < LEVEL)
 

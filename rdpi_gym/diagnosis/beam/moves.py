@@ -255,14 +255,15 @@ class Place:
         A step says little of a curved form, and nothing of an effect that stands still.
         """
         promised = [own.start for forms in self._first for _, own in forms]
-        return [*((start,) for start in promised), *self._still]
+        names = {start.name for start in promised}
+        still = [starts for starts in self.still() if starts[0].name not in names]
+        return [*((start,) for start in promised), *still]
 
     def names(self) -> list[Starts]:
-        """Start of each of these effects that promises most, and those that no step tells."""
-        return [*((forms[0][1].start,) for forms in self._first), *self._still]
+        """Start of each of these effects that promises most."""
+        return [(forms[0][1].start,) for forms in self._first]
 
-    @property
-    def _still(self) -> list[Starts]:
+    def still(self) -> list[Starts]:
         """Starts of the effects that stand still in their simplest form."""
         return [
             (start,)
