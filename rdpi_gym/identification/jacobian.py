@@ -375,8 +375,7 @@ def take_out_initial(
     free = _free_responses(record, effects, kept)
     if not free.shape[1]:
         return
-    q, r = np.linalg.qr(free)
-    share = lsq_linear(r, q.T @ rows[:, -1], (-1.0, 1.0), "bvls").x
+    share = _shares(free, rows[:, -1])
     rows[:, -1] -= free @ share
     q, _ = np.linalg.qr(free[:, np.abs(share) < _WITHIN])
     rows[:, :-1] -= q @ (q.T @ rows[:, :-1])
@@ -392,6 +391,21 @@ def _free_responses(record: Record, effects: Sequence[Effect], kept: NDArray[Any
     free = largest_um * np.exp(-past_s[:, None] / taus_s)
     free -= free.mean(axis=0)
     return np.asarray(free[:, np.any(np.abs(free) > _SEEN * largest_um.max(initial=0.0), axis=0)])
+
+
+def _shares(free: Array, left: Array) -> Array:
+    """Shares of the largest free responses, centred, that a residual (µm) holds, from -1 to 1."""
+    q, r = np.linalg.qr(free)
+    return np.asarray(lsq_linear(r, q.T @ left, (-1.0, 1.0), "bvls").x)
+
+
+def free_response(left: Array, record: Record, effects: Sequence[Effect]) -> Array:
+    """Return the free response of unknown states (µm), ``(T,)``, that a residual holds where samples count."""
+    free = _free_responses(record, effects, np.arange(left.size))
+    if not free.shape[1]:
+        return np.zeros(left.size)
+    own = free[record.error_mask]
+    return np.asarray(free @ _shares(own - own.mean(axis=0), left[record.error_mask]))
 
 
 def centred(left: Array, record: Record, effects: Sequence[Effect], kept: NDArray[Any]) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.jacobian import Variant, centred, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, centred, free_response, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, PlantModel, settled_memory
 from rdpi_gym.support.arrays import Array
@@ -35,6 +35,8 @@ def simulate_record(
     model: PlantModel, record: Record, extremum_V: float | None = None
 ) -> RecordResidual:
     """Run a model over a record's command and compare, one offset free.
+
+    Where nobody recorded what came before, slow elements begin as the record shows.
 
     Parameters
     ----------
@@ -69,6 +71,7 @@ def simulate_record(
     if extremum_V is not None:
         plant.reset(memory=settled_memory(model.hysteresis.thresholds_V, [extremum_V]))
     simulated = plant.simulate(record.with_history.u_V)[record.before_V.size :]
+    simulated = simulated + free_response(record.y_um - simulated, record, model.effects)
     difference = record.y_um - simulated
     offset = float(difference[mask].mean())
     error = difference - offset

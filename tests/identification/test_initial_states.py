@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification.jacobian import Variant, centred, simulate_effects
-from rdpi_gym.identification.residuals import centred_residual
+from rdpi_gym.identification.residuals import centred_residual, simulate_record
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects.creep import Spectrum, TwoTimeConstants
@@ -34,6 +34,17 @@ def test_creep_of_before_a_record_is_no_residual_where_its_past_is_unknown(creep
     unknown = centred_residual(variant, replace(record, past_unknown=True))
     assert at_rest > 1e-4 * np.ptp(record.y_um)
     assert np.sqrt(np.mean(unknown**2)) < 1e-9 * at_rest
+
+
+def test_a_simulated_record_begins_where_the_fit_lets_it_begin():
+    variant, record = _cut_in_motion(_CREEPS[0])
+    model = replace(named_plant("P5"), effects=variant.effects)
+    at_rest = simulate_record(model, record)
+    open_ = simulate_record(model, replace(record, past_unknown=True))
+    assert open_.rmse_um < 1e-9 * at_rest.rmse_um
+    np.testing.assert_allclose(
+        open_.simulated_um + open_.offset_um + open_.error_um, record.y_um, rtol=1e-12
+    )
 
 
 def test_no_element_begins_farther_from_equilibrium_than_twice_the_motion_of_the_record():
