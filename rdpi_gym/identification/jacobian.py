@@ -37,6 +37,7 @@ from rdpi_gym.plant.model import AnyCore
 from rdpi_gym.plant.plant import Stage, core_links
 from rdpi_gym.support.arrays import Array
 
+_FARTHEST = 2.0  # Motions of a record from equilibrium, where an element may begin
 _WITHIN = 1.0 - 1e-9  # Of a bound, as far as a solver of least squares tells it
 _SEEN = 1e-9  # Share of the largest free response below which another is no column
 # Samples that run through the stages at a time: their lanes stay in the cache.
@@ -385,9 +386,9 @@ def _free_responses(record: Record, effects: Sequence[Effect], kept: NDArray[Any
     """Largest free responses of elements whose past is unknown, centred (µm), ``(N, K)``."""
     past_s = (record.t_s - record.t_s[0])[kept]
     unknown = record.past_unknown or any(effect.slot == "memory" for effect in effects)
-    pairs = [pair for e in effects for pair in zip(*e.slow_elements(), strict=True) if unknown]
+    pairs = [pair for e in effects for pair in zip(*e.elements(), strict=True) if unknown]
     gains, taus_s = np.array(pairs).reshape(-1, 2).T
-    largest_um = gains * 2.0 * float(np.ptp(record.y_um[record.error_mask]))
+    largest_um = gains * _FARTHEST * float(np.ptp(record.y_um[record.error_mask]))
     free = largest_um * np.exp(-past_s[:, None] / taus_s)
     free -= free.mean(axis=0)
     return np.asarray(free[:, np.any(np.abs(free) > _SEEN * largest_um.max(initial=0.0), axis=0)])

@@ -264,10 +264,7 @@ class _Problem:
         """Derivatives by every weight and every free number and the residual, by record, centred."""
         gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
         lanes = Neighbours(variant, *self.neighbours(variant), gain_steps)
-        found = [lanes.derivatives(r, k) for r, k in zip(self.records, self.kept, strict=True)]
-        for each, r, k in zip(found, self.records, self.kept, strict=True):
-            take_out_initial(each, r, variant.effects, k)
-        return found
+        return self._by_record(lanes.derivatives, variant)
 
     def light_pass(self, variant: Variant[Any], last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
@@ -282,9 +279,17 @@ class _Problem:
     def changes(self, variant: Variant[Any]) -> list[Array]:
         """Derivatives by every free number and the residual, by record, centred."""
         lanes = Neighbours(variant, *self.neighbours(variant))
-        found = [lanes.changes(r, k) for r, k in zip(self.records, self.kept, strict=True)]
-        for each, r, k in zip(found, self.records, self.kept, strict=True):
-            take_out_initial(each, r, variant.effects, k)
+        return self._by_record(lanes.changes, variant)
+
+    def _by_record(
+        self, rows_of: Callable[[Record, NDArray[np.intp]], Array], variant: Variant[Any]
+    ) -> list[Array]:
+        """Return rows of each record, less what the record leaves open."""
+        found = []
+        for record, kept in zip(self.records, self.kept, strict=True):
+            rows = rows_of(record, kept)
+            take_out_initial(rows, record, variant.effects, kept)
+            found.append(rows)
         return found
 
     def stepped(self, best: Variant[Any], here: _Pass, damping: float) -> Variant[Any]:

@@ -71,7 +71,7 @@ def _asked(
         elif others:
             found.append(Asked(of, bare, [*others, *bare.still()], place, may_lose=True))
         if bare.model.key not in known:
-            found.append(Asked(of, bare, ((),), place))
+            found.append(Asked(of, bare, ((),), place, may_lose=True))
     return found
 
 
@@ -125,7 +125,7 @@ def _expanded(evidence: Evidence, asked: Sequence[Asked], pool: Pool) -> list[Vi
         if base is None:
             continue
         near = each.place.evidence
-        if each.may_lose or () in each.starts:
+        if each.may_lose:
             chosen = bearable(base, found, near)
         else:
             chosen = raced(base, found, near, each.most)

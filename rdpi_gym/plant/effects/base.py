@@ -373,8 +373,8 @@ class Effect(ABC):
         """Lag behind a slow ramp of a linear stage with a gain of one (s); None of other stages."""
         return None
 
-    def slow_elements(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Gains (1) and time constants (s) of first-order elements side by side, z of τ dz/dt + z = x."""
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return gains (1) and time constants (s) of first-order elements beside x, τ dz/dt + z = x."""
         return (), ()
 
     @classmethod

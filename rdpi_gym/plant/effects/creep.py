@@ -184,8 +184,8 @@ class Creep(Effect):
         """Last input and one row for each element."""
         return 1 + len(TIME_CONSTANTS_S)
 
-    def slow_elements(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Gains, all alike, and time constants (s)."""
+    def elements(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the gains, all alike, and the time constants (s)."""
         return [self.gain_per_decade / PER_DECADE] * len(TIME_CONSTANTS_S), TIME_CONSTANTS_S
 
 
@@ -201,10 +201,6 @@ class _Elements(Effect):
     @abstractmethod
     def elements(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the gains and the time constants (s)."""
-
-    def slow_elements(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Gains and time constants (s) of all elements."""
-        return self.elements()
 
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Gain at rest; F and the lack by a step of the input of each element."""
