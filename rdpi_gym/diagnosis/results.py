@@ -107,8 +107,8 @@ class Candidate(Document):
     parameters, standard_errors
         Of the effect; a standard error is None where the data do not fix the parameter.
     confidence
-        0 to 1: how often this effect, or one that is indistinguishable from it, wins where the records
-        are split or drawn anew. How probable it is then is told by :class:`Probabilities`.
+        0 to 1: how probable this effect is, or one that is indistinguishable from it. How probable it
+        is alone is told by :class:`Probabilities`.
     share
         Of the excess over the noise floor on validation records, how much disappears.
     indistinguishable
@@ -126,7 +126,8 @@ class Candidate(Document):
         By effect that came close to this one, the validation error (µm rms) of the final model with it
         in this one's place.
     grade
-        How sure it is; empty where it is less likely than not, and in results of other searches.
+        How sure it is: of *likely*, it or one that is indistinguishable from it. Empty where that is
+        less likely than not, and in results of other searches.
     """
 
     effect: str
@@ -462,6 +463,13 @@ class SearchResult:
         """Grade of an effect; of a result that states none, that of its certainty."""
         return candidate.grade or grade_of(self.certainty(candidate))
 
+    def _is_alone(self, candidate: Candidate) -> bool:
+        """Whether its probability bears the grade of an effect without its rivals."""
+        alone = self.probabilities is not None
+        return alone and (
+            self.grade(candidate) != "likely" or bool(grade_of(self.certainty(candidate)))
+        )
+
     @property
     def headline(self) -> str:
         """The answer in one line: which effect, how large, error before and after, noise."""
@@ -474,11 +482,11 @@ class SearchResult:
         names = self.removed if removal else [c.effect for c in self.added]
         before = self.given if removal and self.given is not None else self.base
         sure = {c.effect: self.grade(c) for c in self.added}
-        # a confidence is that in the effect or a rival
+        # a confidence, and what makes a name likely that alone is not, is that in it or a rival
         rivals = {
             c.effect: f" (or {joined(c.indistinguishable)})"
             for c in self.added
-            if c.indistinguishable and self.probabilities is None and self.kind != "addition"
+            if c.indistinguishable and self.kind != "addition" and not self._is_alone(c)
         }
         said = headline(
             self.kind,

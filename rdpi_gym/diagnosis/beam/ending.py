@@ -72,7 +72,7 @@ class Course:
     @cached_property
     def names(self) -> dict[str, Name]:
         """Effects and clock faults that any set has."""
-        return {each.name: each for each in names_of(self.beam, self.scores, self.best)}
+        return {each.name: each for each in names_of(self.scores, self.best)}
 
     @property
     def sound(self) -> Course:
@@ -117,10 +117,9 @@ class Course:
         alike = [one for one in self.scores.sets if one.model.names == names]
         return max(alike, key=lambda one: self.weights[one.key], default=None)
 
-    def weight_of(self, *names: str) -> float:
-        """Return the weight of the sets that have any of some names."""
-        wanted = set(names)
-        return sum(self.weights[one.key] for one in self.scores.sets if one.model.names & wanted)
+    def weight_of(self, name: str) -> float:
+        """Return the weight of the sets that have a name."""
+        return sum(self.weights[one.key] for one in self.scores.sets if name in one.model.names)
 
 
 def ended(
@@ -263,7 +262,7 @@ def _candidate(
         errors=after,
         parameters={},
         standard_errors={},
-        confidence=min(course.weight_of(name, *instead), 1.0),
+        confidence=course.weight_of(name) if own is None else own.shared,
         share=share_of_excess(before, after, noise_um),
         indistinguishable=instead,
         evidence=evidence_of(before, after, kinds[name].signature),
@@ -297,11 +296,7 @@ def _probabilities(course: Course) -> Probabilities:
     effects = {n: each.probability for n, each in course.names.items() if n in kinds}
     effects = dict(sorted(effects.items(), key=lambda item: -item[1]))
     added = [effect.name for effect in course.effects_of(course.best.model)]
-    groups = {
-        n: min(course.weight_of(n, *(o for o in course.names[n].instead if o in kinds)), 1.0)
-        for n in added
-        if n in course.names
-    }
+    groups = {n: course.names[n].shared for n in added if n in course.names}
     bare = [one for one in course.scores.sets if not course.effects_of(one.model)]
     return Probabilities(
         effects,

@@ -10,7 +10,7 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import FOUND, LEVEL, LIKELY
 from rdpi_gym.diagnosis.beam.decision import chances, classes
 from rdpi_gym.diagnosis.beam.models import Visited
-from rdpi_gym.diagnosis.beam.search import Beam, Scores
+from rdpi_gym.diagnosis.beam.search import Scores
 from rdpi_gym.diagnosis.words import Grade
 from rdpi_gym.plant.effects.unknown import Unknown
 
@@ -25,39 +25,47 @@ class Name:
         Of the best set that has it.
     probability
         Weight of the sets that have it.
-    grade
-        ``found``, ``likely``, ``stand-in``, or empty for a name that is less likely than not.
     instead
-        Names that take its weight: the class that the records do not tell apart.
+        Names that take its weight, and of a name of the best set are not beside it there: the class
+        that the records do not tell apart.
+    shared
+        Weight of the sets that have it or one of these.
+    grade
+        ``found``, ``likely``, ``stand-in``, or empty where the class is less likely than not.
     """
 
     name: str
     form: str
     probability: float
-    grade: Grade
     instead: tuple[str, ...]
+    shared: float
+    grade: Grade
 
 
-def names_of(beam: Beam, scores: Scores, best: Visited) -> tuple[Name, ...]:
+def names_of(scores: Scores, best: Visited) -> tuple[Name, ...]:
     """Return the names that any set has, with probability and grade, most probable first."""
     mean = scores.weights.mean(axis=0)
     members = [one.model.names for one in scores.sets]
     instead = classes(scores.weights, members) if any(members) else {}
     found = []
-    for name in instead:
+    for name, others in instead.items():
         if name == Unknown.name:
             continue
         having = [k for k, each in enumerate(members) if name in each]
         probability = min(float(mean[having].sum()), 1.0)
+        beside = best.model.names if name in best.model.names else frozenset()
+        rivals = tuple(other for other in others if other not in {Unknown.name, *beside})
+        either = [k for k, each in enumerate(members) if not each.isdisjoint((name, *rivals))]
+        shared = min(float(mean[either].sum()), 1.0)
         top = scores.sets[max(having, key=lambda k: mean[k])]
         form = next((e.form for e in top.model.effects if e.name == name), "")
         grade: Grade = ""
         if name in best.model.names:
             if _loses(scores, best, name) or takes_less(scores, best, name):
                 grade = "stand-in"
-            elif probability >= LIKELY:
+            elif shared >= LIKELY:
                 grade = "found" if probability >= FOUND else "likely"
-        found.append(Name(name, form, probability, grade, instead[name]))
+        found.append(Name(name, form, probability, rivals, shared, grade))
     return tuple(sorted(found, key=lambda each: -each.probability))
 
 

@@ -44,8 +44,8 @@ def crept():
 
 def _searched(dataset):
     """Return the scores of all sets, the best one, and the grades of names."""
-    beam, scores, best = searched(Evidence.of(dataset))
-    return scores, best, {each.name: each for each in names_of(beam, scores, best)}
+    _, scores, best = searched(Evidence.of(dataset))
+    return scores, best, {each.name: each for each in names_of(scores, best)}
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
@@ -232,6 +232,26 @@ def _visited(model, left, **of):
 def test_a_name_that_takes_less_than_its_set_leaves_is_no_cause(left_um, grade):
     bare, best = _visited(BARE, 5.0), _visited(Model(P10.hysteresis, (CREEP,)), left_um)
     assert takes_less(_scores(bare, best), best, "creep") is grade
+
+
+def test_a_name_is_likely_where_it_or_one_that_takes_its_weight_is():
+    """Each of two leaves nothing on the blocks where the other leaves much: they do not tell which it is."""
+    delay = CATALOGUE["delay"].within_bounds()
+    lefts = np.tile([1.0, 3.0], 8), np.tile([3.0, 1.0], 8)
+    one, other = (
+        _visited(Model(P10.hysteresis, (kind,)), left)
+        for kind, left in zip((CREEP, delay), lefts, strict=True)
+    )
+    scores = _scores(_visited(BARE, 50.0), one, other)
+    names = {best.key: {n.name: n for n in names_of(scores, best)} for best in (one, other)}
+    creep, late = names[one.key]["creep"], names[other.key]["delay"]
+    assert min(creep.probability, late.probability) < 0.5
+    assert (creep.instead, creep.grade) == (("delay",), "likely")
+    assert (late.instead, late.grade) == (("creep",), "likely")
+    assert creep.shared == late.shared == pytest.approx(1.0)
+    both = _visited(Model(P10.hysteresis, (CREEP, delay)), 1.0)
+    beside = names_of(_scores(_visited(BARE, 50.0), one, other, both), both)
+    assert not any(name.instead for name in beside)  # none of them is in the place of the other
 
 
 @pytest.mark.parametrize(
