@@ -17,7 +17,7 @@ from rdpi_gym.support.words import capital, closed, digits, joined, pm
 
 T = TypeVar("T")
 Grade = Literal["found", "likely", "stand-in", ""]
-"""Grade of a name: from 90 % on, from 50 %, one that a free block beats, less likely than not."""
+"""Grade of a name: from 90 % on; from 50 %, of it or a rival; one that a free block beats; less likely than not."""
 _MISSING: Mapping[Grade, str] = {
     "found": "missing: {}",
     "likely": "probably missing: {}",

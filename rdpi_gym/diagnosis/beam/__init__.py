@@ -27,8 +27,8 @@
 5. A set's weight is that of pseudo-BMA+ under the same draws; a name's probability is the weight of the
    sets that have it. The best set is held against those with one name less, the others then in richer
    forms too, a richer form, or a stage under another name until none of them weighs more, and goes on
-   where it then may. A name is *found* from 90 % on and *likely*
-   from 50; a name that a free block in its place beats in the bootstrap, or that takes less of the score
+   where it then may. A name is *found* from 90 % on and *likely* from 50, of it or a name that takes
+   its weight; a name that a free block in its place beats in the bootstrap, or that takes less of the score
    than its set leaves above the floor, is a *stand-in* (``grades``): whatever leaves that may be its cause
    too.
 

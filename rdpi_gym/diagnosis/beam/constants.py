@@ -77,7 +77,7 @@ TABLE: tuple[Constant, ...] = (
     Constant("RIDGE", RIDGE, "1", "share of a number's curvature that keeps it where no record tells it",
              "square root of the precision of differences"),
     Constant("FOUND", FOUND, "1", "least probability of a name that is found", "the release's definition"),
-    Constant("LIKELY", LIKELY, "1", "least probability of a name that is said at all", "more likely than not"),
+    Constant("LIKELY", LIKELY, "1", "least probability of a likely name, or one that takes its weight", "more likely than not"),
     Constant("TAKES", TAKES, "1", "correlation of weights from which on two names are one class",
              "half of a name's variance is the other's"),
 )  # fmt: skip
