@@ -384,8 +384,7 @@ def first_fit(
     kind: type[Core],
     effects: Sequence[Effect],
     scale: DataScale,
-    least_um: float = math.inf,
-) -> JointFit | None:
+) -> JointFit:
     """Refit a kind of hysteresis on few samples, from the starts of which a few steps leave least.
 
     A kind of one start is convex in its weights: it begins on its comb.
@@ -394,19 +393,10 @@ def first_fit(
     variants: list[Variant[Core]] = [Variant(kind.comb(scale), tuple(effects))]
     if len(starts) > 1:
         begun = [
-            first_steps(
-                records,
-                start,
-                effects,
-                _START_STEPS,
-                samples=FIRST_SAMPLES,
-                least_um=least_um,
-            )
+            first_steps(records, start, effects, _START_STEPS, samples=FIRST_SAMPLES)
             for start in starts
         ]
         begun.sort(key=lambda each: each.train_rmse_um)
-        if begun[0].train_rmse_um > least_um:
-            return None
         variants = [each.variant for each in begun[:_FOLLOWED]]
     fits = [
         fit_joint(

@@ -31,8 +31,6 @@ _LARGEST_FACTOR = math.log(4.0)
 _LARGEST_DAMPING = 1e6
 # Relative fall of the squares below which the first steps end.
 _SMALL = 1e-4
-# How much more than is foreseen the first steps may gain.
-_HOPE = 3.0
 # Steps between two passes that take the derivatives by the weights anew.
 _LIGHT_PASSES = 4
 _SMALLEST_A0 = 1e-6  # of the gain that the data show
@@ -303,11 +301,6 @@ class _Problem:
             trial = number.write(trial, number.read(best) + number.bounded(step))
         return trial
 
-    def foreseen(self, best: Variant[Any], here: _Pass) -> float:
-        """Return the least squares, were they as curved everywhere as at a place."""
-        ways = [number.ways(best) for number in self.free]
-        return here.cost(_solve(here, best.hysteresis.gains, 0.0, ways))
-
     def priced(self, best: Variant[Any], here: _Pass) -> float:
         """Return what the prices of roughness and of bends add to the squares of a place."""
         weights = np.array(best.hysteresis.gains)
@@ -540,7 +533,6 @@ def first_steps(
     steps: int,
     samples: int | None = None,
     near: FirstSteps | None = None,
-    least_um: float = math.inf,
 ) -> FirstSteps:
     """Go a few steps of :func:`fit_joint`, to see which of several starts is worth the rest.
 
@@ -553,16 +545,10 @@ def first_steps(
         if near is None
         else problem.changes_at(best, near.columns, near.squares)
     )
-
-    def is_hopeless() -> bool:
-        least = here.least - _HOPE * (here.least - problem.foreseen(best, here))
-        return least > least_um**2 * here.count
-
     best = _with_gains(best, here.gains)
-    if not is_hopeless():
-        here = problem.light_pass(best, here)
+    here = problem.light_pass(best, here)
     cost, damping, tried = here.least, 1e-3, 0
-    while tried < steps and not is_hopeless():
+    while tried < steps:
         trial = problem.stepped(best, here, damping)
         there = problem.light_pass(trial, here)
         tried += 1

@@ -243,7 +243,7 @@ def choose_kind(
             except NO_FIT as error:
                 refused[kind] = str(error)
                 continue
-            if fit is not None and math.isfinite(fit.train_rmse_um):
+            if math.isfinite(fit.train_rmse_um):
                 rivals.append(held_out_fit(fit, validation))
         report("kinds of hysteresis", len(present), len(present))
         return rivals

@@ -416,11 +416,11 @@ def kinds(
         if isinstance(model.core, kind) or (kind.loose and (beside or not loose)):
             continue  # many gains beside effects are slow, and make up for any
         try:
-            fit = first_fit(evidence.train, kind, beside, evidence.scale, least_um=least_um)
+            fit = first_fit(evidence.train, kind, beside, evidence.scale)
         except caught_with(beside) as error:
             refused[kind.name] = str(error)
             continue
-        if fit is not None and fit.train_rmse_um < least_um:
+        if fit.train_rmse_um < least_um:
             found.append(Model(fit.variant.hysteresis, fit.variant.effects, model.clocks))
     return found, refused
 

@@ -84,14 +84,12 @@ def begun(evidence: Evidence) -> Visited:
 
 def _begun(evidence: Evidence, kind: type[Core]) -> Visited:
     kept = evidence.offer.kept
-    core: Core | None = kind.comb(evidence.scale)
+    core: Core = kind.comb(evidence.scale)
     if len(kind.starts(evidence.scale)) > 1:
-        fit = first_fit(evidence.train, kind, kept, evidence.scale)
-        core = None if fit is None else fit.variant.hysteresis
-    found = None if core is None else refitted(evidence, Model(core, kept))
+        core = first_fit(evidence.train, kind, kept, evidence.scale).variant.hysteresis
+    found = refitted(evidence, Model(core, kept))
     if found is None:
-        if core is not None:
-            fit_joint(evidence.train, core, kept, 1)  # it says why
+        fit_joint(evidence.train, core, kept, 1)  # it says why
         raise InputError(f"no {kind.name} model can be fitted to the records")
     return found
 
