@@ -8,13 +8,14 @@ from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
 from rdpi_gym.diagnosis.beam.models import Linear, Model, Visited, refitted
-from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, raced
+from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, kinds, raced
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.search import Beam, Scores, begun, searched
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
-from rdpi_gym.plant import P10, RDPI, Plant
+from rdpi_gym.plant import CORES, P10, RDPI, Plant, PlantModel
+from rdpi_gym.plant.cores.pinched_stop import PinchedStop
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
@@ -330,3 +331,21 @@ def test_a_data_set_without_records_that_move_is_refused():
     rest = Record("rest", t, np.zeros(200), np.zeros(200), ts_s=TS_S)
     with pytest.raises(InputError, match="needs records to fit and to validate on"):
         Evidence.of(Dataset("rest", (rest,)))
+
+
+def test_a_kind_that_is_behind_after_a_few_steps_is_fitted_to_its_end():
+    """With a mode missing, a pinched stop begins behind a stop model and ends ahead of it."""
+    core = PinchedStop((0.7, 2.6, 0.8, 1.0, 1.1, 2.3, 2.6, 2.1, 1.9, 1.1, 2.3, 2.0), 18.0)
+    mode = CATALOGUE["resonance"].within_bounds(f0_hz=38.0, damping=0.07)
+    plant = PlantModel(core, "pinched", (-25.0, 25.0), (0.0, 40.0), effects=(mode,))
+    t = np.arange(2500) * TS_S
+    loops = 24.0 * np.sin(np.pi * t / t[-1]) * np.sin(2.0 * np.pi * 0.9 * t)
+    chirp = 20.0 * np.sin(2.0 * np.pi * (0.5 * t + 0.7 * t**2))
+    records = [
+        Record(name, t, u, Plant(plant, TS_S).simulate(u), ts_s=TS_S)
+        for name, u in (("loops", loops), ("chirp", chirp))
+    ]
+    evidence = Evidence.of(Dataset("a mode is missing", tuple(records)))
+    base = refitted(evidence, Model(CORES["stop"].comb(evidence.scale)))
+    found, _ = kinds(evidence, base.model, base.fit.train_rmse_um, loose=False)
+    assert "pinched_stop" in {model.core.name for model in found}
