@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -29,8 +28,15 @@ from baselines.learned.imitation.policy import (
     fresh_arrays,
     is_like,
 )
-from baselines.learned.imitation.rounds import Options, train
-from baselines.learned.imitation.teacher import Chords, Plays, Rollout, roll_out, student_lanes
+from baselines.learned.imitation.rounds import Options, drive_draws, train
+from baselines.learned.imitation.teacher import (
+    Chords,
+    Plays,
+    Rollout,
+    Systems,
+    roll_out,
+    student_lanes,
+)
 from benchmarks.stages.run import Unit, run_unit
 from rdpi_gym.cli import main
 from rdpi_gym.envs.tasks import TASKS as ALL
@@ -57,13 +63,13 @@ def _small_task(monkeypatch):
 
 @pytest.fixture(scope="module")
 def met():
-    lanes = student_lanes(TASK, "training", range(2), 0)
-    policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), hidden=4)
-    return policy, roll_out(lanes, policy)
+    policy = StudentPolicy.untrained(TASK.belief(), TASK.layout(), hidden=4)
+    return policy, again(policy)
 
 
 def again(policy, numbers=range(2)):
-    return roll_out(student_lanes(TASK, "training", numbers, 0), policy)
+    (lanes,) = student_lanes(TASK, "training", numbers, 0)
+    return roll_out(lanes, policy)
 
 
 def network(policy, met):
@@ -107,7 +113,11 @@ def test_the_teacher_says_what_the_true_plants_make_of_another_student(plant, do
     belief = nominal if kind in known else structure_belief(kind)
     baseline = "adaptive-core-bank" if "bank" in plant else "adaptive-dual-loop"
     task = replace(TASK, nominals=(nominal,), beliefs=(belief,), samples=1501, first=1001)
-    lanes = partial(student_lanes, task, "training", range(3), 0)
+
+    def lanes():
+        (found,) = student_lanes(task, "training", range(3), 0)
+        return found
+
     policy = StudentPolicy.untrained(belief, task.layout(), 4, baseline)
     policy = replace(policy, feedforward=dict(policy.feedforward) | {"doubt": doubt})
     before = roll_out(lanes(), policy)
@@ -151,14 +161,24 @@ def test_kernels_have_the_gradients_of_what_they_compute():
 
 
 def test_rollouts_of_several_processes_are_as_those_of_one():
-    lanes = student_lanes(TASK, "training", range(2), 0)
-    policy = StudentPolicy.untrained(lanes.belief, lanes.layout(), 4, "adaptive-core-bank")
+    policy = StudentPolicy.untrained(TASK.belief(), TASK.layout(), 4, "adaptive-core-bank")
     whole = again(policy).loop_model
     joined = Rollout.joined([again(policy, [0]), again(policy, [1])]).loop_model
     np.testing.assert_allclose(joined.given_um, whole.given_um, atol=1e-4)
     np.testing.assert_allclose(joined.plays.weights, whole.plays.weights)
     for name in ("before", "behind", "feedback"):
         np.testing.assert_allclose(getattr(joined, name).a, getattr(whole, name).a)
+
+
+def test_plants_of_several_kinds_surround_a_student_by_what_is_linear_of_them():
+    """The kind that is believed, too: its lanes stand beside the others' in one fit."""
+    task = replace(ALL["Measured"], samples=101, first=51, references=("sine",))
+    policy = StudentPolicy.untrained(task.belief(), task.layout(), 4, "adaptive-core-bank")
+    groups = student_lanes(task, "training", range(12), 0)
+    assert [lanes.numbers for lanes in groups] == [[k, k + 6] for k in range(6)]
+    met = Rollout.joined([roll_out(lanes, policy) for lanes in groups])
+    assert isinstance(met.loop_model, Systems)
+    assert len(met.loop_model.d) == met.left.shape[1] == 12
 
 
 def test_the_fit_runs_the_student_that_drove_and_lessens_its_error(met):
@@ -304,7 +324,7 @@ def test_a_student_of_several_kinds_through_the_command_line(tmp_path, monkeypat
         name: replace(ALL[name], samples=101, first=51, references=("sine",))
         for name in ("Preisach", "Duhem")
     }
-    others = {name: ALL[name] for name in ("Stage", "Measured")}
+    others = {name: ALL[name] for name in ("Stage", "Load")}
     monkeypatch.setattr("rdpi_gym.envs.tasks.TASKS", MappingProxyType(kinds | others))
     monkeypatch.chdir(tmp_path)
     command = ["train", "imitation", "--task", "Preisach,Duhem", "--lanes", "2"]
@@ -321,7 +341,7 @@ def test_a_student_of_several_kinds_through_the_command_line(tmp_path, monkeypat
         (["--baseline", "pi"], "a student corrects adaptive-dual-loop or adaptive-core-bank"),
         (["--task", "Preisach,Stage"], "Stage and Preisach differ in sampling time"),
         (["--task", "Preisach,Preisch"], "did you mean 'Preisach'"),
-        (["--task", "Measured"], "plants are of several kinds"),
+        (["--task", "Load"], "plants change within an episode"),
         (["--lanes", "3"], "give a multiple of 2"),
         (["--baseline", "adaptive-dual-loop"], "several tasks"),
     ):
@@ -347,11 +367,8 @@ def shares(name, task):
     policy = find_learned(name)
     assert is_like(task.layout(), policy.layout)
     blank = replace(policy, student=Student.blank(policy.student.inputs, 64, WEIGHTED))
-    own, base = (
-        roll_out(student_lanes(task, "validation", [100], 0), each).score.percent.mean()
-        for each in (policy, blank)
-    )
-    return own / base
+    own, base = (drive_draws(each, (task, "validation", [100], 0)) for each in (policy, blank))
+    return own.score.percent.mean() / base.score.percent.mean()
 
 
 def test_the_shipped_student_leaves_less_than_what_it_corrects():

@@ -40,7 +40,8 @@ def drawn():
     """
     nominal = replace(STAGE.nominal(), sensor=Sensor(noise_um=0.01))
     task = replace(STAGE, samples=1300, nominals=(nominal,), beliefs=(STAGE.belief(),))
-    return student_lanes(task, "validation", [0], 0)
+    (lanes,) = student_lanes(task, "validation", [0], 0)
+    return lanes
 
 
 def taught(name):

@@ -289,7 +289,7 @@ class Rounds:
             for stage in stages
             for begin in range(0, len(numbers), share)
         ]
-        return Rollout.joined(self._pool.map(partial(_driven, policy), cases))
+        return Rollout.joined(self._pool.map(partial(drive_draws, policy), cases))
 
     def _report(self, stage: str, done: int, total: int) -> None:
         if self.progress is not None:
@@ -366,9 +366,11 @@ class Rounds:
         }
 
 
-def _driven(policy: StudentPolicy, case: tuple[StageTask, Split, Sequence[int], int]) -> Rollout:
+def drive_draws(
+    policy: StudentPolicy, case: tuple[StageTask, Split, Sequence[int], int]
+) -> Rollout:
     """Return what a policy meets on draws of one task."""
-    return roll_out(student_lanes(*case), policy)
+    return Rollout.joined([roll_out(lanes, policy) for lanes in student_lanes(*case)])
 
 
 def _figures(score: Score, prefix: str) -> Row:

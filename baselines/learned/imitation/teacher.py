@@ -274,11 +274,11 @@ def correction_loop(truth: PlantModel, feedback: LinearSystem, ts_s: float) -> L
 def loop_model(
     lanes: Lanes, base: AdaptiveDualLoop, moments: Sequence[DecisionSample], commands_V: Array
 ) -> LoopModel | BankModel | Systems:
-    """Return what surrounded a student that drove lanes: where the true core is another, :func:`correction_loop`."""
+    """Return what surrounded a student that drove lanes: where a true core is another, :func:`correction_loop`."""
     ts_s, adaptive = lanes.task.ts_s, base.feedforward
     truths = {draw.number: draw.truth for draw in lanes.draws}
     each = [truths[number] for number in lanes.numbers]
-    if not all(isinstance(truth.hysteresis, RDPI) for truth in [*each, base.belief]):
+    if not all(isinstance(m.hysteresis, RDPI) for m in [*lanes.task.nominals, base.belief]):
         loops = {
             number: correction_loop(truth, base.feedback, ts_s) for number, truth in truths.items()
         }
@@ -434,12 +434,13 @@ def roll_out(lanes: Lanes, policy: StudentPolicy) -> Rollout:
     )
 
 
-def student_lanes(task: StageTask, split: Split, numbers: Sequence[int], seed: int | None) -> Lanes:
-    """Draw lanes of a task that a student can be taught on."""
-    if len(task.nominals) > 1 or task.schedule is not None:
+def student_lanes(
+    task: StageTask, split: Split, numbers: Sequence[int], seed: int | None
+) -> list[Lanes]:
+    """Draw lanes of a task that a student can be taught on, those of each nominal plant apart."""
+    if task.schedule is not None:
         raise InputError(
-            f"a student is not taught on {task.name}, whose plants are of several kinds or change "
-            "within an episode; take Stage and score it there"
+            f"a student is not taught on {task.name}, whose plants change within an episode; take "
+            "Stage and score it there"
         )
-    (lanes,) = task.lanes(split, numbers, seed)
-    return lanes
+    return task.lanes(split, numbers, seed)
