@@ -219,12 +219,12 @@ class TwoModes(Extension, of=Resonance):
 
     @classmethod
     def from_simpler(cls, simpler: Effect, scale: DataScale) -> tuple[Self, ...]:
-        """The same mode with a small one above it and below it."""
-        f0_hz = simpler.values["f0_hz"]
+        """The same mode with one above it and below it, of the static share where there is one, else small."""
+        f0_hz, share = simpler.values["f0_hz"], simpler.values.get("static_share", 0.02)
         return tuple(
             cls.within_bounds(
                 f0_hz=f0_hz, damping=simpler.values["damping"],
-                second_hz=ratio * f0_hz, second_damping=0.03, second_share=0.02,
+                second_hz=ratio * f0_hz, second_damping=0.03, second_share=share,
             )
             for ratio in (2.5, 0.5)
         )  # fmt: skip
