@@ -108,8 +108,9 @@ def teach(taught: Taught, runs: Path, target: Path, progress: Progress | None = 
     """Teach a student, from where an earlier run stopped, and put it among what ships."""
     name = f"imitation-{taught.name}"
     options = Options(
-        out=runs / name, task=taught.task, timesteps=taught.timesteps, lanes=taught.lanes
-    )
+        out=runs / name, task=taught.task, timesteps=taught.timesteps, lanes=taught.lanes,
+        passes=taught.passes,
+    )  # fmt: skip
     policy = train(options, progress)
     with replaced_folder(target / name) as fresh:
         for file in sorted(policy.iterdir()):

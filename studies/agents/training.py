@@ -43,6 +43,7 @@ class Taught:
     task: str  # names, joined by commas
     timesteps: int  # of all plants together
     lanes: int = 96  # a multiple of the references of all its tasks
+    passes: int = 1  # through what a round met
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class Study:
         Taught("creep", "Creep", 7_200_000),
         Taught("lag", "Lag", 36_000_000),
         Taught("kinds", "Preisach,BoucWen,Duhem", 45_000_000, lanes=90),
+        Taught("measured", "Measured", 22_000_000, lanes=108, passes=2),
     )
 
     def options(self, agent: Agent, seed: int, out: Path) -> dict[str, Any]:

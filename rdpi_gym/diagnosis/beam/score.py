@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -64,6 +65,15 @@ class Blocks:
     def scores(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
         """Return the score of each block (nats), ``(B,)``: zero at the floor of its samples and below."""
         return np.log(np.maximum(self.ratios(lefts, floors_um), 1.0))
+
+    def of_noise(self, lefts: Sequence[Array]) -> Array:
+        """Return the expected score of each block of white noise at its floor (nats), ``(B,)``.
+
+        The logarithm of a mean square of n such samples is near Gaussian, of variance 2 / n.
+        """
+        pairs = zip(lefts, self.counts, strict=True)
+        found = [np.full(count, math.sqrt(count / (math.pi * left.size))) for left, count in pairs]
+        return np.concatenate(found)
 
     def ratios(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
         """Return the mean square of each block in units of the floor of each sample, ``(B,)``."""

@@ -252,7 +252,7 @@ class Scores:
     def beyond(self, one: Visited) -> float:
         """Return the weight of an unnamed cause that would leave nothing of a set above the floor."""
         price = self._price + math.log(len(FREE_BLOCKS))
-        gain = self.draws @ self.of(one) * (sum(self.blocks.counts) / TEMPERATURE)
+        gain = self.draws @ self._above_noise(one) * (sum(self.blocks.counts) / TEMPERATURE)
         return float(expit(gain - price).mean())
 
     @property
@@ -261,8 +261,12 @@ class Scores:
         return log_prior(0, self.offered) - log_prior(1, self.offered)
 
     def _left(self, one: Visited, part: slice = slice(None)) -> float:
-        """Nats that a set leaves above the floor, in all blocks or in a part of them."""
-        return float(self.of(one)[part].sum()) / TEMPERATURE
+        """Nats that a set leaves above noise at the floor, in all blocks or in a part of them."""
+        return float(self._above_noise(one)[part].sum()) / TEMPERATURE
+
+    def _above_noise(self, one: Visited) -> Array:
+        """Score of each block of a set less what noise at the floor would have there (nats)."""
+        return self.of(one) - self.blocks.of_noise(one.lefts)
 
     def outweighs(self, move: Visited, of: Visited) -> bool:
         """Whether a move weighs more than the set that it is of, less what its best phantom gains.

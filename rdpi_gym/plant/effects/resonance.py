@@ -91,11 +91,16 @@ class Resonance(Effect):
         """From the fastest mode that the sampling shows to the slowest that the longest record does.
 
         As close as a damping ratio of 0.05 makes a fit converge: a mode that rings for fifteen
-        periods is not found from 10 % beside it.
+        periods is not found from 10 % beside it. And broad ones, from which a step promises what
+        the mode is worth: one that rings at another frequency promises nothing.
         """
         fastest, slowest = 0.25 / scale.shortest_s, _PERIODS / scale.longest_s
         count = max(math.ceil(math.log(fastest / slowest, 1.5)), 1)
-        modes = (cls.within_bounds(f0_hz=fastest / 1.5**k, damping=0.05) for k in range(count))
+        modes = (
+            cls.within_bounds(f0_hz=fastest / 1.5**k, damping=damping)
+            for k in range(count)
+            for damping in (0.05, 0.3)
+        )
         return tuple(dict.fromkeys(modes))  # the bound stands for all that are slower
 
     @classmethod
