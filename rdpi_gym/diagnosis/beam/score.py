@@ -69,11 +69,12 @@ class Blocks:
     def of_noise(self, lefts: Sequence[Array]) -> Array:
         """Return the expected score of each block of white noise at its floor (nats), ``(B,)``.
 
-        The logarithm of a mean square of n such samples is near Gaussian, of variance 2 / n.
+        The logarithm of a mean square of n such samples is near Gaussian, of mean -1 / n and variance
+        2 / n.
         """
-        pairs = zip(lefts, self.counts, strict=True)
-        found = [np.full(count, math.sqrt(count / (math.pi * left.size))) for left, count in pairs]
-        return np.concatenate(found)
+        sizes = [left.size / count for left, count in zip(lefts, self.counts, strict=True)]
+        expected = [1.0 / math.sqrt(math.pi * n) - 0.5 / n for n in sizes]
+        return np.repeat(expected, self.counts)
 
     def ratios(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
         """Return the mean square of each block in units of the floor of each sample, ``(B,)``."""

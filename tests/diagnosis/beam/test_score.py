@@ -21,6 +21,15 @@ def test_scores_are_logarithms_above_the_floor_and_zero_below():
     assert blocks.scores([left], np.ones(1)) == pytest.approx([np.log(4.0), 0.0])
 
 
+def test_noise_at_its_floor_scores_what_is_expected_of_it():
+    rng, blocks = np.random.default_rng(0), Blocks((32, 16))
+    drawn = [[rng.normal(size=1600), rng.normal(size=3200)] for _ in range(200)]
+    found = np.mean([blocks.scores(lefts, np.ones(2)) for lefts in drawn], axis=0)
+    expected = blocks.of_noise(drawn[0])
+    assert found[:32].mean() == pytest.approx(expected[0], rel=0.1)
+    assert found[32:].mean() == pytest.approx(expected[-1], rel=0.1)
+
+
 def test_a_slow_residual_has_few_blocks_and_a_white_one_many():
     rng = np.random.default_rng(1)
     slow = np.cumsum(rng.normal(size=4000))

@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.effect_discovery.cases import Case
+from benchmarks.effect_discovery.independent import INDEPENDENT
 from rdpi_gym.diagnosis.beam.constants import LOOKED
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
@@ -111,6 +113,28 @@ def test_what_promises_most_beside_the_core_is_the_effect_that_is_there(crept):
     seen = place.look_at(asked[1])
     assert seen.new == ("creep",)
     assert np.std(np.concatenate(seen.lefts)) < 0.3 * base.rmse_um
+
+
+def test_a_mode_between_two_starts_promises_most():
+    """On the standard protocol one that rings at another frequency promises nothing: a broad one does."""
+    case = Case("single", ("resonance",), 0, 0, "plain")
+    evidence = Evidence.of(INDEPENDENT.prepare(case).dataset)
+    base = begun(evidence)
+    (first,), *_ = Place(evidence, base.model, offered(evidence, base)).additions()
+    assert first.name == "resonance"
+
+
+def test_noise_at_the_floor_of_many_blocks_pays_for_no_effect():
+    blocks, rng = Blocks((32,) * 15), np.random.default_rng(0)
+    noise = tuple(rng.normal(size=1600) for _ in range(15))
+    at_floor = Visited(BARE, None, noise)
+    above = replace(at_floor, lefts=tuple(1.05 * left for left in noise))
+    scores = Scores((at_floor, above), blocks, 1.0, np.ones(15), 0)
+    assert (
+        scores.of(at_floor).sum() > 4.0 * scores._price
+    )  # as much as an effect would have to gain
+    assert scores.is_at_floor(at_floor)
+    assert not scores.is_at_floor(above)
 
 
 def test_a_backlash_is_looked_at_though_no_step_from_a_start_promises_it():
