@@ -380,3 +380,7 @@ def test_the_shipped_student_leaves_less_than_what_it_corrects():
 @pytest.mark.parametrize("name", ["Preisach", "BoucWen", "Duhem"])
 def test_one_student_leaves_less_on_each_of_three_other_kinds(name):
     assert shares("imitation-kinds", replace(ALL[name], samples=1500)) < 0.6
+
+
+def test_the_student_of_the_measured_stack_leaves_less_at_its_own_rate():
+    assert shares("imitation-measured", ALL["Measured"]) < 0.9

@@ -21,6 +21,7 @@ from baselines.lookup import make_controller
 from baselines.registry import CONTROLLERS
 from benchmarks.tracking.controllers import shipped_policies
 from rdpi_gym.envs.layout import ObservationLayout
+from rdpi_gym.envs.tasks.stages import MEASURED
 from rdpi_gym.firmware.making import PhysicalLayout, controller_program, traced_program
 from rdpi_gym.firmware.program import Program
 from rdpi_gym.plant import CORES, P5, P10, PlantModel
@@ -174,7 +175,9 @@ def test_learned_policies_are_as_near_as_floats_and_nearer_in_double(
 ) -> None:
     pytest.importorskip("torch", reason="torch is not installed")
     for name in (*shipped_policies()[0], "guarded:ppo-increment"):
-        program = controller_program(name, P10, TS_S)
+        slow = name.endswith("measured")
+        own = (MEASURED.belief(), MEASURED.ts_s) if slow else (P10, TS_S)
+        program = controller_program(name, *own)
         assert "float32" in program.inexact_because, name
         # the bank of cores that a student corrects makes more of roundings where a record jumps
         near, nearest = (1e-3, 1e-5) if "imitation" in name else (1e-5, 1e-9)
