@@ -145,6 +145,11 @@ def test_probabilities_stand_beside_the_names(made_discovery, tmp_path):
     )
     assert [text.count("probable") for text in evidence(found)] == [2, 0, 0]
     assert "Probability (%)" in page_of(found, tmp_path)
+    steps = [
+        replace(s, added=tuple(replace(c, grade="likely") for c in s.added)) for s in found.steps
+    ]
+    tied = replace(found, steps=tuple(steps)).headline  # likely together with its rival alone
+    assert tied.startswith("Probably missing: creep and resonance (or delay). Error")
     nothing = made_discovery(**NOTHING, probabilities=replace(chances, none=0.83, other=0.0))
     assert lines(nothing)[:2] == [
         "Probably nothing is missing. Error 0.021 µm, noise 0.02 µm.",
