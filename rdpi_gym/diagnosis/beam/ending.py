@@ -262,7 +262,7 @@ def _candidate(
         errors=after,
         parameters={},
         standard_errors={},
-        confidence=course.weight_of(name) if own is None else own.shared,
+        confidence=0.0 if own is None else own.shared,
         share=share_of_excess(before, after, noise_um),
         indistinguishable=instead,
         evidence=evidence_of(before, after, kinds[name].signature),
