@@ -32,7 +32,8 @@ from benchmarks.effect_discovery.report import judge
 from benchmarks.rows import ROWS_FILE, run_rows, stored_rows
 from rdpi_gym.diagnosis.search.discover import discover
 from rdpi_gym.diagnosis.suitability import falls
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.residuals import centred_residual
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset, Record, Role
 from rdpi_gym.plant import CORES, P10, Plant, PlantModel
@@ -40,7 +41,6 @@ from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import Effect
 from rdpi_gym.plant.effects.creep import Creep
 from rdpi_gym.plant.effects.sensor_lag import SensorLag
-from rdpi_gym.support.arrays import Array
 from rdpi_gym.support.command import Options
 from rdpi_gym.support.fingerprint import code_parts, fingerprint, room_files
 from rdpi_gym.support.markdown import frame_table
@@ -188,7 +188,7 @@ def run_trial(trial: Trial, code: str) -> Row:
     assert result.probabilities is not None
     row |= {"something_else": result.probabilities.other, "floor_um": result.noise_floor_um}
     row |= {"base_um": result.base.validation_rmse_um}
-    row["error_um"] = _error_um(variant, dataset.validation)
+    row["error_um"] = result.final.validation_rmse_um
     row["explained"] = [round(_explained(variant, record), 3) for record in dataset.test]
     if trial.part == "measured":
         branches = next(each for each in SETS if each.name == trial.name).branches
@@ -203,23 +203,10 @@ def _processor_s() -> float:
     return sum(sum(resource.getrusage(owner)[:2]) for owner in owners)
 
 
-def _lefts(variant: Variant[Core], records: Sequence[Record]) -> list[Array]:
-    """Residuals of records, offset free; where y falls as u rises the model is of -y."""
-    sign = -1.0 if falls(records) else 1.0
-    found = []
-    for record in records:
-        left = (sign * record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
-        found.append(left - left.mean())
-    return found
-
-
-def _error_um(variant: Variant[Core], records: Sequence[Record]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(_lefts(variant, records)) ** 2)))
-
-
 def _explained(variant: Variant[Core], record: Record) -> float:
-    """Share of the variance of a record that a model explains (%)."""
-    (left,) = _lefts(variant, [record])
+    """Share of the variance of a record that a model explains (%); where y falls as u rises, it is of -y."""
+    sign = -1.0 if falls([record]) else 1.0
+    left = centred_residual(variant, replace(record, y_um=sign * record.y_um))
     return 100.0 * (1.0 - float(np.mean(left**2) / np.var(record.y_um[record.error_mask])))
 
 

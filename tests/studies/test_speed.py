@@ -42,10 +42,12 @@ def test_the_vector_environment_is_as_fast_as_its_page_says():
 def test_the_tasks_are_as_fast_as_their_page_says():
     table = committed("tasks")
     assert set(table["case"]) == {task.id for task in TASKS.values()}
-    one = table[table["threads"] == 1].set_index("case")["times_cartpole"]
     page = " ".join(PAGE.read_text(encoding="utf-8").split())
-    whole = f"{(one >= 1.0).sum()} of {len(one)} tasks make at least its steps on one thread"
-    assert f"{whole}, `{one.idxmin()}` {one.min():.2f} times" in page
+    one, two = (table[table["threads"] == n].set_index("case")["times_cartpole"] for n in (1, 2))
+    alone = f"{(one >= 1.0).sum()} of {len(one)} tasks make at least its steps on one thread"
+    assert f"{alone}, `{one.idxmin()}` {one.min():.2f} times" in page
+    both = f"{(two >= 1.0).sum()} of {len(two)} on two, and `{two.idxmin()}` {two.min():.2f} times"
+    assert both in page
 
 
 @over("case", speed.CASES)
