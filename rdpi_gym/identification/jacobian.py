@@ -359,7 +359,8 @@ def _widened(x: Array, lanes: int) -> Array:
     """Lanes ``[T, F]``, and lane 0 again in each further one."""
     if x.shape[1] == lanes:
         return x
-    wide: Array = x.take([*range(x.shape[1]), *[0] * (lanes - x.shape[1])], axis=1)
+    wide = np.empty((len(x), lanes))
+    wide[:, : x.shape[1]], wide[:, x.shape[1] :] = x, x[:, :1]
     return wide
 
 
@@ -376,9 +377,12 @@ def take_out_initial(
     free = _free_responses(record, effects, kept)
     if not free.shape[1]:
         return
-    share = _shares(free, rows[:, -1])
+    q, r = np.linalg.qr(free)
+    share = _shares(q, r, rows[:, -1])
     rows[:, -1] -= free @ share
-    q, _ = np.linalg.qr(free[:, np.abs(share) < _WITHIN])
+    within = np.abs(share) < _WITHIN
+    if not within.all():
+        q, _ = np.linalg.qr(free[:, within])
     rows[:, :-1] -= q @ (q.T @ rows[:, :-1])
 
 
@@ -394,9 +398,8 @@ def _free_responses(record: Record, effects: Sequence[Effect], kept: NDArray[Any
     return np.asarray(free[:, np.any(np.abs(free) > _SEEN * largest_um.max(initial=0.0), axis=0)])
 
 
-def _shares(free: Array, left: Array) -> Array:
-    """Shares of the largest free responses, centred, that a residual (µm) holds, from -1 to 1."""
-    q, r = np.linalg.qr(free)
+def _shares(q: Array, r: Array, left: Array) -> Array:
+    """Shares of the largest free responses, centred, q times r, that a residual (µm) holds, from -1 to 1."""
     return np.asarray(lsq_linear(r, q.T @ left, (-1.0, 1.0), "bvls").x)
 
 
@@ -406,7 +409,8 @@ def free_response(left: Array, record: Record, effects: Sequence[Effect]) -> Arr
     if not free.shape[1]:
         return np.zeros(left.size)
     own = free[record.error_mask]
-    return np.asarray(free @ _shares(own - own.mean(axis=0), left[record.error_mask]))
+    q, r = np.linalg.qr(own - own.mean(axis=0))
+    return np.asarray(free @ _shares(q, r, left[record.error_mask]))
 
 
 def centred(left: Array, record: Record, effects: Sequence[Effect], kept: NDArray[Any]) -> Array:
