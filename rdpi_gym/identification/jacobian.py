@@ -388,10 +388,12 @@ def take_out_initial(
 
 def _free_responses(record: Record, effects: Sequence[Effect], kept: NDArray[Any]) -> Array:
     """Largest free responses of elements whose past is unknown, centred (µm), ``(N, K)``."""
-    past_s = (record.t_s - record.t_s[0])[kept]
     unknown = record.past_unknown or any(effect.slot == "memory" for effect in effects)
     pairs = [pair for e in effects for pair in zip(*e.elements(), strict=True) if unknown]
-    gains, taus_s = np.array(pairs).reshape(-1, 2).T
+    if not pairs:
+        return np.empty((0, 0))
+    past_s = (record.t_s - record.t_s[0])[kept]
+    gains, taus_s = np.array(pairs).T
     largest_um = gains * _FARTHEST * float(np.ptp(record.y_um[record.error_mask]))
     free = largest_um * np.exp(-past_s[:, None] / taus_s)
     free -= free.mean(axis=0)
