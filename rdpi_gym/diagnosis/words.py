@@ -22,7 +22,7 @@ _MISSING: Mapping[Grade, str] = {
     "found": "missing: {}",
     "likely": "probably missing: {}",
     "": "possibly missing: {}",
-    "stand-in": "the error falls as with {}, which is not the cause",
+    "stand-in": "the error falls as with {}, {} the cause",
 }
 # Fields of results that hold no text for a reader.
 _NO_TEXTS = frozenset(["model", "plane", "plant", "quantities", "traces", "views"])
@@ -169,7 +169,11 @@ def headline(
 def _missing(effects: Mapping[str, Grade]) -> str:
     """Name what is missing, by grade, the surest first."""
     groups = {text: [n for n, own in effects.items() if own == g] for g, text in _MISSING.items()}
-    said = [text.format(joined(names)) for text, names in groups.items() if names]
+    said = [
+        text.format(joined(names), "which is not" if len(names) == 1 else "none of which is")
+        for text, names in groups.items()
+        if names
+    ]
     return capital("; ".join(said))
 
 

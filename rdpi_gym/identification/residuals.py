@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rdpi_gym.identification.jacobian import Variant, centred, free_response, simulate_effects
+from rdpi_gym.identification.jacobian import Variant, free_response, simulate_effects
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import Plant, PlantModel, settled_memory
 from rdpi_gym.support.arrays import Array
@@ -162,10 +162,16 @@ PIECES = 8
 _DRAWS = 400
 
 
+def model_output(variant: Variant[Any], record: Record) -> Array:
+    """Return what a model makes of a record (µm), ``(T,)``, free responses of unknown states included."""
+    y_um = simulate_effects([variant], record)[:, 0]
+    return np.asarray(y_um + free_response(record.y_um - y_um, record, variant.effects))
+
+
 def centred_residual(variant: Variant[Any], record: Record) -> Array:
     """Return what a model leaves of the samples that count (µm), offset free."""
-    left = (record.y_um - simulate_effects([variant], record)[:, 0])[record.error_mask]
-    return centred(left, record, variant.effects, record.error_mask)
+    left = (record.y_um - model_output(variant, record))[record.error_mask]
+    return np.asarray(left - left.mean())
 
 
 def pieces_of(lefts: Sequence[Array]) -> Array:

@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 import rdpi_gym as rg
+from rdpi_gym.plant.effects.creep import Creep
+from rdpi_gym.plant.effects.initial_memory import InitialMemory
+
+# A memory that somebody left: slow elements begin where the record shows, too.
+UNKNOWN_PAST = (InitialMemory(20.0), Creep(0.02))
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +41,9 @@ def test_a_refit_that_was_watched_leaves_what_it_says(seen, few):
     assert refit.parameters == refit.plant.effects[0].values
 
 
-def test_a_response_is_the_plant_with_its_mean_on_that_of_the_record(few):
-    response = rg.respond("P5", few)
+@pytest.mark.parametrize("effects", [(), UNKNOWN_PAST], ids=["bare", "of unknown past"])
+def test_a_response_is_the_plant_with_its_mean_on_that_of_the_record(few, effects):
+    response = rg.respond(replace(rg.plants["P5"], effects=effects), few)
     assert set(response.model_um) == {record.name for record in few.records}
     for record in few.train:
         error = (record.y_um - response.model_um[record.name])[record.error_mask]
@@ -45,6 +51,15 @@ def test_a_response_is_the_plant_with_its_mean_on_that_of_the_record(few):
         assert np.sqrt((error**2).mean()) == pytest.approx(
             response.errors.by_record_um[record.name]
         )
+
+
+def test_a_search_shows_of_each_record_what_leaves_the_error_that_it_states(few):
+    begun = replace(rg.plants["P5"], effects=UNKNOWN_PAST[:1])
+    found = rg.add("creep", few, begun, jobs=1)
+    stated = found.final.by_record_um
+    for view in found.views:
+        error = (view.y_um - view.models_um["with creep"])[view.counted > 0.0]
+        assert np.std(error) == pytest.approx(stated[view.name], rel=1e-6)
 
 
 def test_a_displacement_that_falls_is_answered_by_a_response_that_falls(few):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rdpi_gym.identification.jacobian import Variant, centred, simulate_effects
-from rdpi_gym.identification.residuals import centred_residual, simulate_record
+from rdpi_gym.identification.residuals import centred_residual, model_output, simulate_record
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant import named_plant
 from rdpi_gym.plant.effects.creep import Spectrum, TwoTimeConstants
@@ -45,6 +45,8 @@ def test_a_simulated_record_begins_where_the_fit_lets_it_begin():
     np.testing.assert_allclose(
         open_.simulated_um + open_.offset_um + open_.error_um, record.y_um, rtol=1e-12
     )
+    shown_um = model_output(variant, replace(record, past_unknown=True))
+    np.testing.assert_allclose(shown_um, open_.simulated_um, rtol=1e-9)
 
 
 def test_no_element_begins_farther_from_equilibrium_than_twice_the_motion_of_the_record():

@@ -145,11 +145,18 @@ def test_probabilities_stand_beside_the_names(made_discovery, tmp_path):
     )
     assert [text.count("probable") for text in evidence(found)] == [2, 0, 0]
     assert "Probability (%)" in page_of(found, tmp_path)
-    steps = [
-        replace(s, added=tuple(replace(c, grade="likely") for c in s.added)) for s in found.steps
-    ]
-    tied = replace(found, steps=tuple(steps)).headline  # likely together with its rival alone
+    tied, stand_ins = (
+        replace(
+            found,
+            steps=tuple(
+                replace(s, added=tuple(replace(c, grade=grade) for c in s.added))
+                for s in found.steps
+            ),
+        ).headline
+        for grade in ("likely", "stand-in")
+    )
     assert tied.startswith("Probably missing: creep and resonance (or delay). Error")
+    assert "falls as with creep and resonance, none of which is the cause. Error" in stand_ins
     nothing = made_discovery(**NOTHING, probabilities=replace(chances, none=0.83, other=0.0))
     assert lines(nothing)[:2] == [
         "Probably nothing is missing. Error 0.021 µm, noise 0.02 µm.",

@@ -35,10 +35,10 @@ from rdpi_gym.diagnosis.search.separability import separability, typical_effects
 from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
 from rdpi_gym.diagnosis.search.verdict import Judgement, NumericalFloor, judge
 from rdpi_gym.diagnosis.words import in_words, template, text_of
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import NO_FIT, JointFit, fit_joint
 from rdpi_gym.identification.plausibility import plausibility_warnings
-from rdpi_gym.identification.residuals import simulate_record
+from rdpi_gym.identification.residuals import model_output, simulate_record
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import PlantModel
 from rdpi_gym.plant.cores.base import Core
@@ -286,7 +286,7 @@ def _views(ending: Ending, models: Mapping[str, Outcome]) -> tuple[View, ...]:
     for record in dict.fromkeys((*ending.setting.train, *ending.setting.validation)):
         shown, counted = {}, record.error_mask
         for label, outcome in models.items():
-            y = simulate_effects([outcome.fit.variant], record)[:, 0]
+            y = model_output(outcome.fit.variant, record)
             shown[label] = y + float(np.mean((record.y_um - y)[counted]))
         columns = (record.t_s, record.u_V, record.y_um, shown, counted.astype(np.float64))
         found.append(View(record.name, record.role, *columns))

@@ -38,8 +38,9 @@ from rdpi_gym.diagnosis.search.plants import AUTO, OnCandidate, Refit, refit_of
 from rdpi_gym.diagnosis.search.setting import Setting, assess
 from rdpi_gym.diagnosis.suitability import falls, turned
 from rdpi_gym.diagnosis.words import in_words, template
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit, caught_with, fit_joint, or_none
+from rdpi_gym.identification.residuals import model_output
 from rdpi_gym.identification.scale import data_scale
 from rdpi_gym.measurement import Dataset
 from rdpi_gym.plant import CORES, RDPI, PlantModel
@@ -419,8 +420,10 @@ class Inspection:
         variant = Variant(model.hysteresis, model.effects)
         model_um = {}
         for record in self._recorded.records:
-            looked = self._inspected.get(record.name, record)
-            y = self._sign * simulate_effects([variant], looked)[:, 0]
+            looked = self._inspected.get(record.name)
+            if looked is None:
+                looked = replace(record, y_um=self._sign * record.y_um)
+            y = self._sign * model_output(variant, looked)
             counted = looked.error_mask if looked.error_mask.any() else slice(None)
             model_um[record.name] = y + float(np.mean((record.y_um - y)[counted]))
         left = assess(self._setting, "", JointFit(variant, math.nan, (), {}, 0, True))

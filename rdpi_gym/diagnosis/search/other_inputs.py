@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.residuals import model_output
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.support.arrays import Array
@@ -173,7 +174,7 @@ class _Parts:
         self.regressors: list[Mapping[str, Array]] = []
         for record in records:
             rows = np.flatnonzero(record.error_mask)[::step]
-            left = (record.y_um - simulate_effects([variant], record)[:, 0])[rows]
+            left = (record.y_um - model_output(variant, record))[rows]
             groups = {n: x - x.mean(axis=0) for n, x in features(record, rows).items()}
             for part in np.array_split(np.arange(len(rows)), blocks):
                 if len(part):

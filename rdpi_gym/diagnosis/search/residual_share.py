@@ -15,7 +15,8 @@ from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.results import Left
 from rdpi_gym.diagnosis.search.learner import HeldOut, Part, learn_across, memory_features
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.jacobian import Variant, simulate_effects
+from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.residuals import model_output
 from rdpi_gym.measurement import Record
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale
@@ -87,7 +88,7 @@ def remainder(
     """
     floor_um2 = noise_um**2 + numerical_um**2
     records = _whole(train, validation)
-    outputs_um = [simulate_effects([variant], record)[:, 0] for record, _ in records]
+    outputs_um = [model_output(variant, record) for record, _ in records]
     traces = [
         Trace(record, record.y_um - output_um - _mains(record, record.y_um - output_um), asked)
         for (record, asked), output_um in zip(records, outputs_um, strict=True)
