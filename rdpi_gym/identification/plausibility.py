@@ -150,9 +150,10 @@ def linear_share(records: Sequence[Record]) -> float:
 def orientation(records: Sequence[Record]) -> bool | None:
     """Return whether loops turn clockwise in the plane of command and displacement.
 
-    None where the area that they enclose does not stand out from its scatter over the cycles.
+    None where the area that they enclose does not stand out from its scatter over the cycles. A lag
+    of more than half a cycle turns loops round: what is clockwise has to be so in the slowest cycle.
     """
-    areas = []
+    areas, slowest = [], (0.0, 0.0)
     for record in records:
         u, y = record.u_V - record.u_V.mean(), record.y_um - record.y_um[record.error_mask].mean()
         size = float(np.std(u) * np.std(y))
@@ -163,13 +164,14 @@ def orientation(records: Sequence[Record]) -> bool | None:
                 # closed by a straight line: what is proportional to the command encloses nothing
                 closing = 0.5 * (y[start] + y[end]) * (u[start] - u[end])
                 areas.append(float(np.trapezoid(y[part], u[part]) + closing) / size)
+                slowest = max(slowest, ((end - start) * record.ts_s, areas[-1]))
     if len(areas) < _CYCLES:
         return None
     middle = float(np.median(areas))
     spread = float(np.median(np.abs(np.array(areas) - middle)))
     if abs(middle) < max(_LEAST_AREA, _AREA_ERRORS * 1.4826 * spread / math.sqrt(len(areas))):
         return None
-    return middle > 0.0
+    return middle > 0.0 and slowest[1] > -_LEAST_AREA
 
 
 def _turning(left: Sequence[RecordResidual], explained: float, is_piezo: bool) -> str | None:

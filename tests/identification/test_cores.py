@@ -234,3 +234,20 @@ def test_what_is_proportional_to_random_steps_encloses_nothing() -> None:
     assert orientation([steps]) is None
     lagging = replace(steps, y_um=Plant(P10, 1e-3).simulate(levels))
     assert orientation([lagging]) is False
+
+
+@over("hidden, clockwise", [("rdpi", False), ("stop", True)])
+def test_loops_that_a_lag_turns_round_at_a_fast_rate_turn_as_the_slow_ones_do(
+    hidden: str, clockwise: bool
+) -> None:
+    core = P10.hysteresis if hidden == "rdpi" else CORES["stop"].starts(SCALE)[0]
+    plant = replace(P10, hysteresis=core, effects=(CATALOGUE["delay"](0.015),))
+    records = []
+    for name, ts_s in (("slow", 1e-2), ("fast", 1e-4)):
+        t = ts_s * np.arange(2000)
+        u = 40.0 * np.sin(2 * np.pi * t / (200 * ts_s))
+        records.append(Record(name, t, u, Plant(plant, ts_s).simulate(u), ts_s=ts_s))
+    slow, fast = records
+    assert orientation([fast]) is True
+    assert orientation([slow]) is clockwise
+    assert orientation(records) is clockwise
