@@ -407,6 +407,8 @@ def _shares(q: Array, r: Array, left: Array) -> Array:
 
 def free_response(left: Array, record: Record, effects: Sequence[Effect]) -> Array:
     """Return the free response of unknown states (µm), ``(T,)``, that a residual holds where samples count."""
+    if not record.error_mask.any():  # it shows nothing
+        return np.zeros(left.size)
     free = _free_responses(record, effects, np.arange(left.size))
     if not free.shape[1]:
         return np.zeros(left.size)

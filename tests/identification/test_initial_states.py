@@ -68,3 +68,10 @@ def test_without_a_creep_a_slow_drift_is_no_free_response():
     kept = np.ones(drift_um.size, dtype=np.bool_)
     left = centred(drift_um, replace(record, past_unknown=True), (), kept)
     np.testing.assert_allclose(left, drift_um - drift_um.mean(), atol=1e-15)
+
+
+def test_a_record_of_which_no_sample_counts_shows_no_free_response():
+    variant, record = _cut_in_motion(_CREEPS[0])
+    hidden = replace(record, past_unknown=True, error_mask=np.zeros(record.t_s.size, dtype=bool))
+    plain_um = simulate_effects([variant], record)[:, 0]
+    np.testing.assert_array_equal(model_output(variant, hidden), plain_um)
