@@ -95,8 +95,8 @@ rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against resu
 rdpi bench --full --controllers hybrid --no-bound --among results/full
 ```
 
-The first divides errors by the [information bound](../studies/results/stages/information/tasks.md): the best controller of those that ship is, in times of it, at {_nearest()}.
-The second says how many rows of a table come out the same, the third scores one controller anew, among the others of a table.
+The first divides errors by the [information bound](../studies/results/stages/information/tasks.md): in times of it the best here leave {_nearest()}.
+The second says how many rows come out the same, the third scores one controller anew.
 
 ## What a controller may know
 
@@ -117,8 +117,8 @@ rdpi score results/entry --seed-file secret.txt --out results/judged
 
 1. Write your controller as one module: a callable `(belief, layout)` that returns something with `predict` ([how](commands.md#score-a-controller)). It may import this
    package and what is installed; other files of yours are not taken along. A trained policy is `learned:FOLDER`, or `guarded:FOLDER` with [its monitor](train-an-agent.md#a-monitor-beside-it).
-2. `rdpi submit` scores it on public plants (seed {PUBLIC_SEED}) and leaves a folder: `submission.json` with the command, the tasks and a hash; the code; the rows. A
-   controller that fails on a plant has a row that says why. Send the folder.
+2. `rdpi submit` scores it on public plants (seed {PUBLIC_SEED}) and leaves a folder: `submission.json` with the command, the tasks and a hash; the code; the rows. Send
+   the folder.
 3. Whoever runs the leaderboard keeps a file with one random number of {FEWEST_DIGITS} digits or more outside the repository. `rdpi score` sees that the folder is whole, that the code is what was
    hashed and that the tasks are those of this release, then draws plants from that number, which nobody has tuned on. Every table says whether its seed was public or private, with
    a hash that tells two private ones apart. Without `--seed-file` it repeats the public score and says whether the submitted rows are reproduced.
