@@ -32,7 +32,7 @@ def _nearest() -> str:
     with BOUNDED.open(encoding="utf-8") as file:
         first = [row for row in csv.DictReader(file) if row["rank"].rstrip("=") == "1"]
     ratios = (f"{float(row['iqm_information']):.3g} on {row['task']}" for row in first)
-    return joined(list(ratios)).replace(" on", " times it on", 1)
+    return joined(list(ratios))
 
 
 _HEAD = f"""\
@@ -95,7 +95,7 @@ rdpi bench --task Stage --draws 5 --controllers hybrid --no-bound --against resu
 rdpi bench --full --controllers hybrid --no-bound --among results/full
 ```
 
-The first divides errors by the [information bound](../studies/results/stages/information/tasks.md): the best leave {_nearest()}.
+The first divides errors by the [information bound](../studies/results/stages/information/tasks.md): at best {_nearest()}.
 The second says how many rows come out the same, the third scores one controller anew.
 
 ## What a controller may know

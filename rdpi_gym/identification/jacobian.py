@@ -390,7 +390,7 @@ def _free_responses(record: Record, effects: Sequence[Effect], kept: NDArray[Any
     """Largest free responses of elements whose past is unknown, centred (µm), ``(N, K)``."""
     unknown = record.past_unknown or any(effect.slot == "memory" for effect in effects)
     pairs = [pair for e in effects for pair in zip(*e.elements(), strict=True) if unknown]
-    if not pairs:
+    if not pairs or not record.error_mask.any():
         return np.empty((0, 0))
     past_s = (record.t_s - record.t_s[0])[kept]
     gains, taus_s = np.array(pairs).T
@@ -407,8 +407,6 @@ def _shares(q: Array, r: Array, left: Array) -> Array:
 
 def free_response(left: Array, record: Record, effects: Sequence[Effect]) -> Array:
     """Return the free response of unknown states (µm), ``(T,)``, that a residual holds where samples count."""
-    if not record.error_mask.any():  # it shows nothing
-        return np.zeros(left.size)
     free = _free_responses(record, effects, np.arange(left.size))
     if not free.shape[1]:
         return np.zeros(left.size)

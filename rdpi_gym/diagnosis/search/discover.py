@@ -401,10 +401,14 @@ class Inspection:
                 "give one of each"
             )
         self._sign = -1.0 if falls((*dataset.train, *dataset.validation)) else 1.0
-        inspected = inspect(dataset if self._sign > 0 else turned(dataset))
+        rising = dataset if self._sign > 0 else turned(dataset)
+        inspected = inspect(rising)
         self.findings: tuple[Finding, ...] = inspected.findings
         self._recorded = dataset
-        self._inspected = {record.name: record for record in inspected.dataset.records}
+        looked = (*rising.records, *inspected.dataset.records)
+        self._looked = {
+            record.name: record for record in looked
+        }  # inspected before recorded ones
         train, validation = inspected.dataset.train, inspected.dataset.validation
         self._setting = Setting(train, validation, data_scale((*train, *validation)))
 
@@ -420,9 +424,7 @@ class Inspection:
         variant = Variant(model.hysteresis, model.effects)
         model_um = {}
         for record in self._recorded.records:
-            looked = self._inspected.get(record.name)
-            if looked is None:
-                looked = replace(record, y_um=self._sign * record.y_um)
+            looked = self._looked[record.name]
             y = self._sign * model_output(variant, looked)
             counted = looked.error_mask if looked.error_mask.any() else slice(None)
             model_um[record.name] = y + float(np.mean((record.y_um - y)[counted]))
