@@ -406,9 +406,7 @@ class Inspection:
         self.findings: tuple[Finding, ...] = inspected.findings
         self._recorded = dataset
         looked = (*rising.records, *inspected.dataset.records)
-        self._looked = {
-            record.name: record for record in looked
-        }  # inspected before recorded ones
+        self._looked = {record.name: record for record in looked}  # inspected before recorded ones
         train, validation = inspected.dataset.train, inspected.dataset.validation
         self._setting = Setting(train, validation, data_scale((*train, *validation)))
 
