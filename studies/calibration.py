@@ -1,8 +1,9 @@
 """Calibration of the probabilities of searches: `python -m studies.calibration`.
 
-The searches of the second study (`benchmarks.foreign_effects`) and of the first
-(`benchmarks.hidden_effects`: other plants, protocols, noise and forms) state how probable each effect,
-something outside the catalogue, and nothing is. Their tables hold that beside how often it was true.
+The searches of the first study (`benchmarks.hidden_effects`), of the second
+(`benchmarks.foreign_effects`) and of the third (`studies.third_effects`) state how probable each effect,
+something outside the catalogues of effects and kinds, and nothing is. The tables hold that beside how
+often it was true.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import pandas as pd
 from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from benchmarks.rows import ROWS_FILE
+from rdpi_gym.plant import CORES
 from rdpi_gym.report.chart import Axis, Panel, Series, side_by_side
 from rdpi_gym.report.chart_matplotlib import chart_png
 from rdpi_gym.report.style import MUTED, PALETTE
@@ -30,14 +32,17 @@ from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
 from studies.chromium import small_png
 from studies.runner import Files, Study
+from studies.third_effects.__main__ import OUT
 
 RESULTS = Path(__file__).parent / "results" / "calibration"
+FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": OUT}
+"""Rows of each study."""
 _BINS = 10
 KINDS = {
     "added": "an effect that was added",
     "class": "an effect that was added, or one indistinguishable from it",
     "not added": "an effect that was tried and not added",
-    "other": "something outside the catalogue",
+    "other": "something outside the catalogues of effects and kinds",
     "none": "no missing effect",
 }
 """Events of the probabilities, by their names in the tables."""
@@ -46,8 +51,9 @@ KINDS = {
 def answers(row: Row) -> dict[str, list[tuple[float, bool]]]:
     """Return probabilities that a search stated, each with what is true, by what is asked."""
     truth: Mapping[str, Any] = row["truth"]
-    outside = row["study"] == "outside"
-    hidden = frozenset() if outside else frozenset(h["effect"] for h in truth["hidden"])
+    is_other = row["study"] == "outside"
+    outside = is_other and row["subject"][0].replace("-", "_") not in CORES
+    hidden = frozenset() if is_other else frozenset(h["effect"] for h in truth["hidden"])
     there = hidden | frozenset(truth.get("excused", ()))
     alike = frozenset(n for names in truth.get("alike", {}).values() for n in names)
     stated, added = row["probabilities"], {step["effect"]: step for step in row["steps"]}
@@ -72,8 +78,7 @@ def calibration_error(chances: Array, true: Array) -> float:
 
 
 def _study(asked: Namespace) -> Files:
-    folders = {"second study": asked.foreign, "first study": asked.hidden}
-    text, judged = report({study: _rows(folder) for study, folder in folders.items()})
+    text, judged = report({f"{which} study": _rows(getattr(asked, which)) for which in FOLDERS})
     return {"calibration.md": text, "reliability.png": small_png(picture(judged))}
 
 
@@ -158,12 +163,9 @@ def picture(judged: Judged) -> bytes:
 
 
 def _more(options: Options) -> None:
-    for source, option, which in (
-        (FOREIGN, "--foreign", "second"),
-        (INDEPENDENT, "--hidden", "first"),
-    ):
+    for which, folder in FOLDERS.items():
         meaning = f"rows of the {which} study"
-        options.add_argument(option, type=Path, default=source.out, metavar="DIR", help=meaning)
+        options.add_argument(f"--{which}", type=Path, default=folder, metavar="DIR", help=meaning)
 
 
 main = Study("calibration", __doc__, _study, RESULTS, more=_more)

@@ -37,6 +37,7 @@ _NOTICED_AS: Mapping[str, tuple[str, ...]] = {
 }
 # Faults of clocks and rows that reading states, before anything is fitted.
 _READ = ("rounded stamps", "jittered stamps", "missing rows")
+_CLOCKS = ("clock skew", *_READ)
 
 
 def _between_samples(truth: Mapping[str, Any]) -> str:
@@ -86,7 +87,9 @@ def judge(row: Row) -> dict[str, Any]:
     first_by_class = not exact and any(first in alike.get(s, []) for s in subject)
     ratio = row["validation_um"] / row["noise_um"] if done else math.nan
     degraded, remarked = truth.get("degraded", ""), bool(row.get("remarked"))
-    read = remarked and degraded in _READ
+    clock_stated = remarked or "clock" in findings
+    is_clock = bool(truth.get("is_clock", False))
+    seen = remarked if degraded in _READ else is_clock and clock_stated
     judged = {
         "study": row["study"],
         "subject": "+".join(row["subject"]) or "nothing",
@@ -100,8 +103,9 @@ def judge(row: Row) -> dict[str, Any]:
         "noise_um": row.get("noise_um"),
         "between_samples": _between_samples(truth),
         "findings": "+".join(sorted(findings)),
-        "noticed": read or bool(findings & set(_NOTICED_AS.get(degraded, ()))),
-        "clock_stated": remarked or "clock" in findings,
+        "noticed": seen or bool(findings & set(_NOTICED_AS.get(degraded, ()))),
+        "is_clock": is_clock or degraded in _CLOCKS,
+        "clock_stated": clock_stated,
         "first": first,
         "first_exact": exact,
         "first_by_class": first_by_class,
@@ -489,7 +493,6 @@ _FOREIGN_TARGETS: tuple[Goal, ...] = (
     Goal("single", "verdict `explained`", 87.0, lambda j: j["verdict"] == "explained"),
 )
 _WRONG = "a wrong name that is found", "a wrong name that is found or likely"
-_CLOCKS = ("clock skew", *_READ)
 _WRONG_ASKED: Mapping[str, tuple[float, float]] = {"all": (5.0, 8.0), "outside": (8.0, 15.0)}
 """Most of the cases with a wrong name that is found, and with one that is found or likely (%)."""
 _SHARES = (
@@ -505,8 +508,12 @@ _STATEMENTS = (
 
 
 def foreign_targets(rows: Sequence[Row]) -> list[Target]:
-    """Set every target beside what was reached."""
-    j = judgements(rows)
+    """Set every target of the second study beside what was reached."""
+    return name_targets(judgements(rows))
+
+
+def name_targets(j: pd.DataFrame) -> list[Target]:
+    """Set the targets on names, sentences and clock faults beside what judged cases reached."""
     if j.empty:
         return []
     found = []
@@ -522,7 +529,7 @@ def foreign_targets(rows: Sequence[Row]) -> list[Target]:
             found.append(Target(study, words, most, wrong, len(part), 0, at_most=True))
     done = _done(j)
     true = int(_true(done["all_true"]).sum())
-    faults, sound = done[done["degraded"].isin(_CLOCKS)], done[done["degraded"] == "none"]
+    faults, sound = done[done["is_clock"]], done[done["degraded"] == "none"]
     noticed, stated = int(faults["noticed"].sum()), int(sound["clock_stated"].sum())
     found += [
         Target("all", "what is said about what is left is true", 98.0, true, len(done), 0),

@@ -8,7 +8,6 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +15,33 @@ import pandas as pd
 
 import studies.third_effects as package
 from benchmarks.effect_discovery.cases import Case, Engine, Prepared, discover_engine, found
-from benchmarks.effect_discovery.foreign import further_fields
-from benchmarks.effect_discovery.report import group_table, judge
-from benchmarks.rows import paragraphs
+from benchmarks.effect_discovery.foreign import FOREIGN, further_fields
+from benchmarks.effect_discovery.report import (
+    Target,
+    foreign_targets,
+    group_table,
+    judge,
+    name_targets,
+)
+from benchmarks.rows import ROWS_FILE, paragraphs
 from rdpi_gym.support.command import Options
 from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import progress_bar
-from rdpi_gym.support.store import Row
+from rdpi_gym.support.store import Row, named_rows
 from studies.runner import RESULTS, Files, Study, study_rows
 from studies.third_effects.draws import SEED, is_drawn_as, make_cases, prepare, sums
 
 OUT = RESULTS / "third"
 DRAWN = "drawn.csv"
 """Sums of the records (V, µm), as they were drawn before the search that they judge."""
-FOUND, LIKELY = 0.9, 0.5
-"""Probabilities from which on an effect is found, or likely."""
+POINTS = 5.0
+"""By which the figures of the second study may be missed (%)."""
 _ROOMS = ("plant", "signals", "measurement", "identification", "diagnosis")
 _COLUMNS = (
-    "cases", "failed", "first_percent", "named_exact", "named_by_class", "wrong", "explained",
-    "sentences_true", "median_ratio", "median_seconds", "first_instead",
+    "cases", "failed", "first_percent", "named_exact", "named_by_class", "wrong_found", "wrong",
+    "explained", "sentences_true", "median_ratio", "median_seconds", "first_instead",
 )  # fmt: skip
 
 
@@ -98,54 +103,68 @@ def _effects(truth: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def judge_row(row: Row) -> dict[str, Any]:
-    """Judge one row: effects as in the other studies, kinds, faults and wrong names by their grade."""
-    truth = row["truth"]
-    judged = judge(row | {"subject": list(_effects(truth))})
-    right = {*_effects(truth), *truth["excused"], *chain.from_iterable(truth["alike"].values())}
-    stated = row.get("probabilities", {}).get("effects", {})
-    wrong = [p for name, p in stated.items() if name not in right]
-    core = row.get("core", {})
+    """Judge one row: names, sentences and clocks as in the second study, and the kind of hysteresis."""
+    truth, core = row["truth"], row.get("core", {})
     kinds = {core.get("kind"), *core.get("alike", ())}
-    return judged | {
+    return judge(row | {"subject": list(_effects(truth))}) | {
         "subject": "+".join(row["subject"]) or "nothing",
-        "wrong_found": any(p >= FOUND for p in wrong),
-        "wrong_likely": any(p >= LIKELY for p in wrong),
         "kind_right": bool(kinds & set(truth["kinds"])) if truth["kinds"] else None,
-        "other": row.get("probabilities", {}).get("other"),
-        "noticed": bool(judged["findings"]),
     }
 
 
-def page(rows: Sequence[Row]) -> str:
-    """Return the page of the study."""
+def page(rows: Sequence[Row], second: Sequence[Row]) -> str:
+    """Return the page of the study, beside the rows of the second."""
     j = pd.DataFrame([judge_row(row) for row in rows])
-    grades = j.groupby("study", sort=False).agg(
-        cases=("study", "size"), wrong_found=("wrong_found", "sum"),
-        wrong_likely=("wrong_likely", "sum"), mean_other=("other", "mean"),
-    ).reset_index()  # fmt: skip
+    before = {(t.study, t.asks): t for t in foreign_targets(second)}
+    figures = [
+        {
+            "study": t.study,
+            "figure": t.asks,
+            "asked of the second study": t.asked,
+            "second study": _share(before[t.study, t.asks]),
+            "this study": _share(t),
+            f"within {POINTS:g} points": "yes" if _is_within(t, before[t.study, t.asks]) else "no",
+        }
+        for t in name_targets(j)
+    ]
     kinds = j[j["study"] == "kind"].groupby("subject").agg(
         cases=("study", "size"), kind_right=("kind_right", "sum")
     ).reset_index()  # fmt: skip
-    sound = j[j["study"].isin(("none", "single", "double", "triple"))]
     faults = j[j["study"] == "fault"].groupby("subject").agg(
-        cases=("study", "size"), noticed=("noticed", "sum")
+        cases=("study", "size"), noticed=("noticed", "sum"), findings=("findings", "unique")
     ).reset_index()  # fmt: skip
     code = ", ".join(sorted({row["code"] for row in rows}))
+
+    def shares(part: pd.DataFrame, *by: str) -> str:
+        return frame_table(group_table(part, by, _COLUMNS))
+
     return paragraphs(
         [
             "# The third study: forms, protocols and faults of neither other",
             f"Written by `python -m studies.third_effects`; {len(rows)} cases, seed {SEED}, code {code}.",
-            frame_table(group_table(j, ["study"], _COLUMNS)),
-            f"Names that are wrong with a probability of {FOUND:.0%} (found) or {LIKELY:.0%} (likely):",
-            frame_table(grades),
-            "## Outside the catalogue, and kinds",
-            frame_table(group_table(j[j["study"] == "outside"], ["subject"], _COLUMNS)),
+            frame_table(pd.DataFrame(figures)),
+            "## By study",
+            shares(j, "study"),
+            "## Single effects",
+            shares(j[j["study"] == "single"], "subject"),
+            "## Outside the catalogue",
+            shares(j[j["study"] == "outside"], "subject"),
+            "## Kinds of hysteresis",
             frame_table(kinds),
-            "## Faults",
-            f"Findings on records without a fault: {int(sound['noticed'].sum())} of {len(sound)}.",
-            frame_table(faults),
+            "## Faults of records",
+            frame_table(faults.assign(findings=faults["findings"].map(", ".join))),
         ]
     )
+
+
+def _share(target: Target) -> str:
+    return f"{target.reached_percent:.1f} % ({target.reached} of {target.cases})"
+
+
+def _is_within(target: Target, before: Target) -> bool:
+    """Whether a share is worse than before by no more than the points that are asked for."""
+    change = target.reached_percent - before.reached_percent
+    return (-change if target.at_most else change) >= -POINTS
 
 
 def _files(asked: Namespace) -> Files:
@@ -153,7 +172,8 @@ def _files(asked: Namespace) -> Files:
     if not asked.check:
         run = partial(run_case, drawn=stored_draws())
         rows = study_rows(cases, run, asked, _ROOMS, sorted(Path(package.__path__[0]).glob("*.py")))
-        return {f"{main.name}.md": page(rows)}
+        second = named_rows(FOREIGN.out / ROWS_FILE).rows.values()
+        return {f"{main.name}.md": page(rows, list(second))}
     drawn: list[Row] = []
     with progress_bar() as show:
         for row in run_cases(draw, cases, asked.jobs):

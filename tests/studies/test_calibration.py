@@ -6,6 +6,7 @@ import pytest
 from rdpi_gym.support.store import named_rows
 from studies import calibration
 from studies.calibration import answers, calibration_error, report
+from tests.looping import over
 
 
 def row(number, rng, is_true=None):
@@ -14,7 +15,7 @@ def row(number, rng, is_true=None):
     there = bool(rng.random() < said) if is_true is None else is_true
     step = {"effect": "creep", "indistinguishable": []}
     return {
-        "key": f"single/{number}", "study": "single", "status": "done", "number": number,
+        "key": f"single/{number}", "study": "single", "subject": ["creep"], "status": "done", "number": number,
         "truth": {"hidden": [{"effect": "creep" if there else "delay"}], "excused": [], "alike": {}},
         "steps": [step],
         "probabilities": {
@@ -38,23 +39,27 @@ def test_probabilities_that_hold_have_no_error_and_names_that_are_wrong_are_seen
     assert calibration_error(*judged["wrong"]["added"]) > 0.4
 
 
-def test_what_was_outside_the_catalogue_hides_nothing_of_it(rows):
-    found = answers(rows[0] | {"study": "outside"})
-    assert found["other"] == [(0.0, True)]
-    assert not any(true for _, true in found["added"] + found["not added"] + found["none"])
+@over("subject, other", [("force", True), ("bouc-wen", False)])
+def test_what_is_outside_the_catalogue_hides_no_effect_and_a_kind_of_hysteresis_is_in_it(
+    rows, subject, other
+):
+    found = answers(rows[0] | {"study": "outside", "subject": [subject]})
+    assert found["other"] == [(0.0, other)]
+    assert found["none"] == [(0.0, not other)]
+    assert not any(true for _, true in found["added"] + found["not added"])
 
 
 def test_the_command_writes_table_and_picture(rows, tmp_path, capsys):
-    for name in ("foreign", "hidden"):
+    for name in calibration.FOLDERS:
         named_rows(tmp_path / name / calibration.ROWS_FILE).append(rows[:200])
-    words = [w for n in ("foreign", "hidden") for w in (f"--{n}", str(tmp_path / n))]
+    words = [w for n in calibration.FOLDERS for w in (f"--{n}", str(tmp_path / n))]
     assert calibration.main([*words, "--out", str(tmp_path / "out")]) == 0
     assert "The largest calibration error is" in capsys.readouterr().out
     assert (tmp_path / "out" / "reliability.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_folder_without_rows_is_one_line(tmp_path, capsys):
-    assert calibration.main(["--foreign", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert calibration.main(["--first", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "has no rows; run the study first" in said
     assert said.count("\n") == 1

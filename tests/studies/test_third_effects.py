@@ -10,7 +10,7 @@ from benchmarks.effect_discovery.forms import FORMS as FOREIGN_FORMS
 from benchmarks.effect_discovery.protocols import PROTOCOLS as FOREIGN_PROTOCOLS
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
-from studies.third_effects.__main__ import judge_row, main, stored_draws
+from studies.third_effects.__main__ import judge_row, main, page, stored_draws
 from studies.third_effects.draws import NUMBERS, ROUNDING, is_drawn_as, make_cases, prepare, sums
 from studies.third_effects.faults import EXCUSED, FAULTS
 from studies.third_effects.forms import EFFECTS, FORMS
@@ -119,18 +119,39 @@ def test_what_is_hidden_is_in_the_records():
     assert {h["effect"] for h in made.truth["hidden"]} == set(case.subject)
 
 
-def test_a_wrong_name_counts_by_its_probability_and_a_kind_among_its_alike():
-    truth = {
-        "noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "outside": {}, "degraded": "", "protocol": "",
-        "hidden": [{"effect": "creep", "form": ""}], "excused": ["delay"], "alike": {"creep": []}, "kinds": ["dahl"],
-    }  # fmt: skip
-    row = {
-        "key": "", "code": "", "study": "kind", "subject": ["dahl"], "number": 0, "seed": 0, "status": "done",
-        "noise_um": 0.01, "validation_um": 0.01, "seconds": 1.0, "verdict": "explained", "truth": truth,
-        "ranking": [{"effect": "creep"}], "steps": [{"effect": "creep"}],
-        "true_left": {"clean_um": 0.0, "by_input_um": 0.0}, "core": {"kind": "stop", "alike": ["dahl"]},
-        "probabilities": {"effects": {"creep": 0.99, "delay": 0.95, "backlash": 0.6}, "other": 0.1},
-    }  # fmt: skip
-    judged = judge_row(row)
-    assert (judged["kind_right"], judged["first_exact"], judged["additions"]) == (True, True, 0)
-    assert (judged["wrong_found"], judged["wrong_likely"]) == (False, True)
+TRUTH = {
+    "noise_um": 0.01, "sampling_um": 0.0, "rates_hz": [1e3], "outside": {}, "degraded": "", "protocol": "",
+    "hidden": [{"effect": "creep", "form": ""}], "excused": ["delay"], "alike": {"creep": []}, "kinds": ["dahl"],
+}  # fmt: skip
+ROW = {
+    "key": "", "code": "", "study": "kind", "subject": ["dahl"], "number": 0, "seed": 0, "status": "done",
+    "noise_um": 0.01, "validation_um": 0.01, "seconds": 1.0, "verdict": "explained", "truth": TRUTH,
+    "ranking": [{"effect": "creep"}], "true_left": {"clean_um": 0.0, "by_input_um": 0.0},
+    "steps": [
+        {"effect": "creep", "grade": "found"}, {"effect": "delay", "grade": "found"},
+        {"effect": "backlash", "grade": "likely"},
+    ],
+    "core": {"kind": "stop", "alike": ["dahl"]},
+}  # fmt: skip
+
+
+def test_a_wrong_name_counts_by_its_grade_and_a_kind_among_its_alike():
+    judged = judge_row(ROW)
+    assert (judged["kind_right"], judged["found"]) == (True, True)
+    assert (judged["wrong_found"], judged["additions"]) == (0, 1)
+
+
+@over("remarked, noticed", [(["clock of run"], True), ([], False)])
+def test_a_fault_of_a_clock_is_noticed_where_one_is_stated(remarked, noticed):
+    fault = TRUTH | {"degraded": "lost buffer", "is_clock": True}
+    judged = judge_row(ROW | {"study": "fault", "truth": fault, "remarked": remarked})
+    assert (judged["is_clock"], judged["noticed"]) == (True, noticed)
+
+
+def test_its_page_sets_the_figures_of_the_second_study_beside_its_own():
+    second = ROW | {"study": "single", "subject": ["creep"], "steps": ROW["steps"][:2]}
+    third = second | {"truth": TRUTH | {"kinds": []}, "steps": []}
+    kind, fault = ROW, ROW | {"study": "fault", "subject": ["lost buffer"]}
+    outside = third | {"study": "outside", "subject": ["footsteps"]}
+    text = page([third, kind, fault, outside], [second, outside])
+    assert "| single | the effect named | 95 % | 100.0 % (1 of 1) | 0.0 % (0 of 1) | no |" in text
