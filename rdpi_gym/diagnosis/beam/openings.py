@@ -95,24 +95,21 @@ def _scores(spared: Evidence, ends: Evidence, of: Visited, floor_um: float) -> A
     for name, index, left in _residuals(spared, of):
         own = left[counts[name][index]]
         if own.size:
-            found.append(_mean_squares(own - own.mean(), MOST_BLOCKS))
-    return np.log(np.maximum(np.concatenate(found) / floor_um**2, 1.0))
+            floor = np.full(own.size, floor_um)
+            found.append(_blocks(own).scores([own - own.mean()], [floor]))
+    return np.concatenate(found)
 
 
-def _blocks(opened: Array, rest: Array) -> int:
-    """Blocks of an opening, as long as those of the rest of its record."""
-    return max(round(MOST_BLOCKS * opened.size / (opened.size + rest.size)), 1)
-
-
-def _mean_squares(left: Array, blocks: int) -> Array:
-    """Mean square of blocks of a residual (µm²)."""
-    return Blocks((min(blocks, left.size),)).mean_squares([left])
+def _blocks(left: Array, most: int = MOST_BLOCKS) -> Blocks:
+    """Blocks of a residual."""
+    return Blocks((min(most, left.size),))
 
 
 def _stands_out(opened: Array, rest: Array) -> float:
     """Return the chance that as many blocks of the rest leave as much as those of an opening."""
-    count = _blocks(opened, rest)
-    usual = _mean_squares(rest, max(MOST_BLOCKS - count, 1))
+    # as long as those of the rest of its record
+    count = max(round(MOST_BLOCKS * opened.size / (opened.size + rest.size)), 1)
+    usual = _blocks(rest, max(MOST_BLOCKS - count, 1)).mean_squares([rest])
     drawn = np.random.default_rng(0).choice(usual, (DRAWS, count)).mean(axis=1)
     return float(np.mean(drawn >= np.mean(opened**2)))
 

@@ -14,6 +14,7 @@ from rdpi_gym.diagnosis.beam.moves import Place, bearable, exchanged, kinds, rac
 from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.search import Beam, Scores, begun, searched
+from rdpi_gym.diagnosis.features.noise import measured_noise
 from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, P10, RDPI, Plant, PlantModel
@@ -209,6 +210,9 @@ def test_openings_of_records_that_begin_in_motion_are_left_out_and_those_of_othe
     assert [r.name for r in once.records] == [r.name for r in evidence.dataset.records]
     counted = [sum(r.error_mask.sum() for r in d.records) for d in (once, spared.dataset)]
     assert counted[0] == counted[1] < sum(r.error_mask.sum() for r in evidence.dataset.records)
+    still = replace(evidence, noise=measured_noise([(np.zeros(100), "repeated values")], ()))
+    with np.errstate(divide="raise", invalid="raise"):  # the floor is zero
+        assert without_unknown_past(still, begun(still)) is not None
     sound = Evidence.of(Dataset("all begin at rest", (train, validation)))
     assert without_unknown_past(sound, begun(sound)) is None
 
