@@ -1,9 +1,9 @@
 """Calibration of the probabilities of searches: `python -m studies.calibration`.
 
 The searches of the first study (`benchmarks.hidden_effects`), of the second
-(`benchmarks.foreign_effects`) and of the third (`studies.third_effects`) state how probable each effect,
-something outside the catalogues of effects and kinds, and nothing is. The tables hold that beside how
-often it was true.
+(`benchmarks.foreign_effects`) and, where its rows are given, of the third (`studies.third_effects`)
+state how probable each effect, something outside the catalogues of effects and kinds, and nothing is.
+The tables hold that beside how often it was true.
 """
 
 from __future__ import annotations
@@ -32,11 +32,10 @@ from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
 from studies.chromium import small_png
 from studies.runner import Files, Study
-from studies.third_effects.__main__ import OUT
 
 RESULTS = Path(__file__).parent / "results" / "calibration"
-FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": OUT}
-"""Rows of each study."""
+FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": None}
+"""Rows of each study; None: left out where they are not given."""
 _BINS = 10
 KINDS = {
     "added": "an effect that was added",
@@ -51,9 +50,9 @@ KINDS = {
 def answers(row: Row) -> dict[str, list[tuple[float, bool]]]:
     """Return probabilities that a search stated, each with what is true, by what is asked."""
     truth: Mapping[str, Any] = row["truth"]
-    is_other = row["study"] == "outside"
-    outside = is_other and row["subject"][0].replace("-", "_") not in CORES
-    hidden = frozenset() if is_other else frozenset(h["effect"] for h in truth["hidden"])
+    no_effect = row["study"] == "outside"
+    outside = no_effect and row["subject"][0].replace("-", "_") not in CORES
+    hidden = frozenset() if no_effect else frozenset(h["effect"] for h in truth["hidden"])
     there = hidden | frozenset(truth.get("excused", ()))
     alike = frozenset(n for names in truth.get("alike", {}).values() for n in names)
     stated, added = row["probabilities"], {step["effect"]: step for step in row["steps"]}
@@ -78,7 +77,8 @@ def calibration_error(chances: Array, true: Array) -> float:
 
 
 def _study(asked: Namespace) -> Files:
-    text, judged = report({f"{which} study": _rows(getattr(asked, which)) for which in FOLDERS})
+    folders = {f"{which} study": getattr(asked, which) for which in FOLDERS}
+    text, judged = report({study: _rows(each) for study, each in folders.items() if each})
     return {"calibration.md": text, "reliability.png": small_png(picture(judged))}
 
 

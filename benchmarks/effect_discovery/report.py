@@ -88,8 +88,7 @@ def judge(row: Row) -> dict[str, Any]:
     ratio = row["validation_um"] / row["noise_um"] if done else math.nan
     degraded, remarked = truth.get("degraded", ""), bool(row.get("remarked"))
     clock_stated = remarked or "clock" in findings
-    is_clock = bool(truth.get("is_clock", False))
-    seen = remarked if degraded in _READ else is_clock and clock_stated
+    stated = clock_stated if truth.get("is_clock") else remarked and degraded in _READ
     judged = {
         "study": row["study"],
         "subject": "+".join(row["subject"]) or "nothing",
@@ -103,8 +102,8 @@ def judge(row: Row) -> dict[str, Any]:
         "noise_um": row.get("noise_um"),
         "between_samples": _between_samples(truth),
         "findings": "+".join(sorted(findings)),
-        "noticed": seen or bool(findings & set(_NOTICED_AS.get(degraded, ()))),
-        "is_clock": is_clock or degraded in _CLOCKS,
+        "noticed": stated or bool(findings & set(_NOTICED_AS.get(degraded, ()))),
+        "is_clock": truth.get("is_clock", degraded in _CLOCKS),
         "clock_stated": clock_stated,
         "first": first,
         "first_exact": exact,
