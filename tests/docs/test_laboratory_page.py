@@ -74,3 +74,12 @@ def test_the_figures_on_kinds_are_those_of_their_tables():
         table = ROOT / "studies" / "results" / f"{name}.md"
         said = re.search(figure, table.read_text(encoding="utf-8"))[1]
         assert re.search(rf"on {said}\s+plants", PAGE), name
+
+
+def test_the_calibration_is_that_of_its_table():
+    table = (ROOT / "studies/results/calibration/calibration.md").read_text(encoding="utf-8")
+    lines = [[c.strip() for c in line.strip("|").split("|")] for line in table.splitlines()]
+    errors = [line[5] for line in lines if len(line) == 6 and line[1] == "an effect that was added"]
+    held = next(line[2] for line in lines if len(line) == 4 and line[0] == "second study")
+    assert f"are off by {' and '.join(errors)} % (asked: 3 %" in PAGE
+    assert f"is hidden on {held} % of the plants" in " ".join(PAGE.split())
