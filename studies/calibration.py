@@ -1,7 +1,7 @@
 """Calibration of the probabilities of searches: `python -m studies.calibration`.
 
 The searches of the first study (`benchmarks.hidden_effects`), of the second
-(`benchmarks.foreign_effects`) and, where its rows are given, of the third (`studies.third_effects`)
+(`benchmarks.foreign_effects`) and of the third (`studies.third_effects`)
 state how probable each effect, something outside the catalogues of effects and kinds, and nothing is.
 The tables hold that beside how often it was true.
 """
@@ -31,11 +31,10 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
 from studies.chromium import small_png
-from studies.runner import Files, Study
+from studies.runner import RESULTS, Files, Study
 
-RESULTS = Path(__file__).parent / "results" / "calibration"
-FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": None}
-"""Rows of each study; None: left out where they are not given."""
+FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": RESULTS / "third"}
+"""Rows of each study."""
 _BINS = 10
 KINDS = {
     "added": "an effect that was added",
@@ -52,6 +51,7 @@ def answers(row: Row) -> dict[str, list[tuple[float, bool]]]:
     truth: Mapping[str, Any] = row["truth"]
     no_effect = row["study"] == "outside"
     outside = no_effect and row["subject"][0].replace("-", "_") not in CORES
+    outside |= row["study"] == "kind" and not truth["kinds"]
     hidden = frozenset() if no_effect else frozenset(h["effect"] for h in truth["hidden"])
     there = hidden | frozenset(truth.get("excused", ()))
     alike = frozenset(n for names in truth.get("alike", {}).values() for n in names)
@@ -78,7 +78,7 @@ def calibration_error(chances: Array, true: Array) -> float:
 
 def _study(asked: Namespace) -> Files:
     folders = {f"{which} study": getattr(asked, which) for which in FOLDERS}
-    text, judged = report({study: _rows(each) for study, each in folders.items() if each})
+    text, judged = report({study: _rows(each) for study, each in folders.items()})
     return {"calibration.md": text, "reliability.png": small_png(picture(judged))}
 
 
@@ -168,7 +168,7 @@ def _more(options: Options) -> None:
         options.add_argument(f"--{which}", type=Path, default=folder, metavar="DIR", help=meaning)
 
 
-main = Study("calibration", __doc__, _study, RESULTS, more=_more)
+main = Study("calibration", __doc__, _study, RESULTS / "calibration", more=_more)
 
 if __name__ == "__main__":
     sys.exit(main())

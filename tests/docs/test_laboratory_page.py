@@ -9,7 +9,8 @@ ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies" / "results" / "hidden"
 FOREIGN = ROOT / "studies" / "results" / "foreign"
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
-FIRST, SECOND = PAGE.split("### This search")[1].split("**The second study**")
+FIRST, FURTHER = PAGE.split("### This search")[1].split("**The second study**")
+SECOND, THIRD = FURTHER.split("**The third study**")
 
 
 def reached():
@@ -52,6 +53,18 @@ def test_the_figures_are_those_of_the_second_study():
     assert f"| {said[1]} | |" in SECOND
 
 
+def test_the_figures_are_those_of_the_third_study():
+    table = (ROOT / "studies/results/third/third_effects.md").read_text(encoding="utf-8")
+    lines = [line for line in table.splitlines() if line.endswith(("| yes |", "| no |"))]
+    shares = [re.findall(r"\((\d+ of \d+)\)", line) for line in lines]
+    stated = re.findall(r"^\| .* \| (\d+ of \d+) \| (\d+ of \d+) \|$", THIRD, re.MULTILINE)
+    assert len(stated) == 10
+    assert {tuple(each) for each in shares} >= set(stated)
+    kinds = re.search(r"^\| kind \| (\d+) .*$", table, re.MULTILINE)
+    wrong = round(float(kinds[0].split("|")[7]) * int(kinds[1]) / 100)
+    assert f"found on {wrong} of {kinds[1]} plants of other kinds" in " ".join(THIRD.split())
+
+
 def test_false_additions_are_said_where_the_verdict_is_right():
     cases = pd.read_csv(STUDY / "cases.csv")
     outside = cases[(cases["study"] == "outside") & (cases["variant"] == "plain")]
@@ -80,6 +93,8 @@ def test_the_calibration_is_that_of_its_table():
     table = (ROOT / "studies/results/calibration/calibration.md").read_text(encoding="utf-8")
     lines = [[c.strip() for c in line.strip("|").split("|")] for line in table.splitlines()]
     errors = [line[5] for line in lines if len(line) == 6 and line[1] == "an effect that was added"]
-    held = next(line[2] for line in lines if len(line) == 4 and line[0] == "second study")
-    assert f"are off by {' and '.join(errors)} % (asked: 3 %" in PAGE
-    assert f"is hidden on {held} % of the plants" in " ".join(PAGE.split())
+    held = {line[0]: line[2] for line in lines if len(line) == 4}
+    assert f"are off by {errors[0]}, {errors[1]} and {errors[2]} % (asked: 3 %" in PAGE
+    flowing = " ".join(PAGE.split())
+    assert f"is hidden on {held['second study']} % of the plants" in flowing
+    assert f"and on {held['third study']} % of the third's" in flowing

@@ -39,6 +39,14 @@ def test_probabilities_that_hold_have_no_error_and_names_that_are_wrong_are_seen
     assert calibration_error(*judged["wrong"]["added"]) > 0.4
 
 
+@over("kinds, other", [(["preisach"], False), ([], True)])
+def test_a_kind_that_the_search_does_not_have_is_outside(rows, kinds, other):
+    truth = {"hidden": [], "excused": [], "alike": {}, "kinds": kinds}
+    found = answers(rows[0] | {"study": "kind", "subject": ["pinched"], "truth": truth})
+    assert found["other"] == [(0.0, other)]
+    assert found["none"] == [(0.0, not other)]
+
+
 @over("subject, other", [("force", True), ("bouc-wen", False)])
 def test_what_is_outside_the_catalogue_hides_no_effect_and_a_kind_of_hysteresis_is_in_it(
     rows, subject, other

@@ -5,12 +5,15 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.effect_discovery.foreign import FOREIGN
 from benchmarks.effect_discovery.foreign import KINDS as FOREIGN_FAULTS
 from benchmarks.effect_discovery.forms import FORMS as FOREIGN_FORMS
 from benchmarks.effect_discovery.protocols import PROTOCOLS as FOREIGN_PROTOCOLS
+from benchmarks.rows import ROWS_FILE
 from rdpi_gym.plant import CORES, RDPI, Plant, PlantModel
 from rdpi_gym.plant.effects import CATALOGUE
-from studies.third_effects.__main__ import judge_row, main, page, stored_draws
+from rdpi_gym.support.store import named_rows
+from studies.third_effects.__main__ import OUT, judge_row, main, page, stored_draws
 from studies.third_effects.draws import NUMBERS, ROUNDING, is_drawn_as, make_cases, prepare, sums
 from studies.third_effects.faults import EXCUSED, FAULTS
 from studies.third_effects.forms import EFFECTS, FORMS
@@ -155,3 +158,9 @@ def test_its_page_sets_the_figures_of_the_second_study_beside_its_own():
     outside = third | {"study": "outside", "subject": ["footsteps"]}
     text = page([third, kind, fault, outside], [second, outside])
     assert "| single | the effect named | 95 % | 100.0 % (1 of 1) | 0.0 % (0 of 1) | no |" in text
+
+
+def test_the_committed_page_is_that_of_the_committed_rows():
+    rows, second = (named_rows(out / ROWS_FILE).rows for out in (OUT, FOREIGN.out))
+    text = page([rows[key] for key in CASES], list(second.values()))
+    assert (OUT / "third_effects.md").read_text(encoding="utf-8") == text
