@@ -1,9 +1,9 @@
 """Calibration of the probabilities of searches: `python -m studies.calibration`.
 
 The searches of the first study (`benchmarks.hidden_effects`), of the second
-(`benchmarks.foreign_effects`) and of the third (`studies.third_effects`)
-state how probable each effect, something outside the catalogues of effects and kinds, and nothing is.
-The tables hold that beside how often it was true.
+(`benchmarks.foreign_effects`) and of the third (`studies.third_effects`) state how probable each effect,
+something outside the catalogues of effects and kinds, and nothing is. The tables hold that beside how
+often it was true.
 """
 
 from __future__ import annotations
@@ -31,9 +31,11 @@ from rdpi_gym.support.errors import InputError
 from rdpi_gym.support.markdown import frame_table
 from rdpi_gym.support.store import Row, named_rows
 from studies.chromium import small_png
-from studies.runner import RESULTS, Files, Study
+from studies.runner import Files, Study
+from studies.third_effects.__main__ import OUT
 
-FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": RESULTS / "third"}
+RESULTS = Path(__file__).parent / "results" / "calibration"
+FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": OUT}
 """Rows of each study."""
 _BINS = 10
 KINDS = {
@@ -77,8 +79,7 @@ def calibration_error(chances: Array, true: Array) -> float:
 
 
 def _study(asked: Namespace) -> Files:
-    folders = {f"{which} study": getattr(asked, which) for which in FOLDERS}
-    text, judged = report({study: _rows(each) for study, each in folders.items()})
+    text, judged = report({f"{which} study": _rows(getattr(asked, which)) for which in FOLDERS})
     return {"calibration.md": text, "reliability.png": small_png(picture(judged))}
 
 
@@ -168,7 +169,7 @@ def _more(options: Options) -> None:
         options.add_argument(f"--{which}", type=Path, default=folder, metavar="DIR", help=meaning)
 
 
-main = Study("calibration", __doc__, _study, RESULTS / "calibration", more=_more)
+main = Study("calibration", __doc__, _study, RESULTS, more=_more)
 
 if __name__ == "__main__":
     sys.exit(main())
