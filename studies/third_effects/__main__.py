@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -128,7 +128,7 @@ def page(rows: Sequence[Row], second: Sequence[Row]) -> str:
         for t in name_targets(j)
     ]
     kinds = j[j["study"] == "kind"].groupby("subject").agg(
-        cases=("study", "size"), kind_right=("kind_right", "sum")
+        cases=("study", "size"), kind_right=("kind_right", _count)
     ).reset_index()  # fmt: skip
     faults = j[j["study"] == "fault"].groupby("subject").agg(
         cases=("study", "size"), noticed=("noticed", "sum"), findings=("findings", "unique")
@@ -152,9 +152,18 @@ def page(rows: Sequence[Row], second: Sequence[Row]) -> str:
             "## Kinds of hysteresis",
             frame_table(kinds),
             "## Faults of records",
-            frame_table(faults.assign(findings=faults["findings"].map(", ".join))),
+            frame_table(faults.assign(findings=faults["findings"].map(_joined))),
         ]
     )
+
+
+def _count(right: pd.Series[Any]) -> str:
+    """Count the cases whose kind is right, where the catalogue has it."""
+    return "no name" if right.isna().all() else str(int(right.sum()))
+
+
+def _joined(findings: Iterable[str]) -> str:
+    return ", ".join(filter(None, findings)) or "none"
 
 
 def _share(target: Target) -> str:

@@ -137,7 +137,7 @@ def dahl(u: Array, width: float, power: float) -> Array:
 @njit(cache=True)
 def enveloped(low: Array, high: Array, widths: Array, weights: Array) -> Array:
     """Weighted sum of plays between a falling and a rising envelope, from rest."""
-    out, y = np.zeros_like(low), np.zeros(widths.shape[0])
+    out, y = np.zeros_like(low), np.full(widths.shape[0], 0.5 * (low[0] + high[0]))
     for k in range(low.shape[0]):
         for i in range(widths.shape[0]):
             y[i] = max(low[k] - widths[i], min(high[k] + widths[i], y[i]))

@@ -26,13 +26,14 @@ from studies.third_effects.protocols import STROKES_UM, Drive, Experiment, held
 
 PAUSE_S = 3.0
 """Between two records, on the clock of the experiment."""
+_WALK = 400  # points from 0 V, where the plant was at rest, to the first command
 _COMB, _SPREAD = 36, 1.6  # elements of the base model that visibility is judged about
 _LOOKED_AT = 4_000  # samples of all records
 _NOISE = (5e-5, 3e-3)  # of peak to peak, log-uniform
 _NO_PAST = np.zeros(0)
 
 Core = Callable[[Array], Array]
-"""Displacement (µm) for a command on the fine grid, in spans from the centre of the range."""
+"""Displacement (µm) for a command on the fine grid, in spans from the centre of the range, from rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,9 @@ class Bench:
                 x = m.form.apply(x, at, m.numbers)
         inside = {m.effect: m for m in hidden if m.form.place == CORE}
         if self.core is not None:
-            x = self.core((x - self.experiment.centre_V) / self.experiment.span_V)
+            walked = np.concatenate([np.linspace(0.0, x[0], _WALK), x])
+            walked = (walked - self.experiment.centre_V) / self.experiment.span_V
+            x = self.core(walked)[_WALK:]
         else:
             x = self._elements(x, d, at, inside)
         for m in hidden:
@@ -253,7 +256,8 @@ def _preisach(centres: Sequence[float], spread: float, width: float, stroke: flo
     def respond(z: Array) -> Array:
         total = np.zeros_like(z)
         for h, share in zip(half, density, strict=True):
-            front = slip_sums(z, np.zeros_like(z), np.array([h]), np.ones((1, 1)), _NO_PAST)[:, 0]
+            front = slip_sums(z - z[0], np.zeros_like(z), np.array([h]), np.ones((1, 1)), _NO_PAST)
+            front = z[0] + front[:, 0]
             for centre in centres:
                 total += share / len(centres) * ndtr((front - centre) / spread)
         return np.asarray(stroke * (2.0 * total + 0.15 * z))
@@ -286,7 +290,10 @@ def draw_core(kind: str, stroke: float, ts_points: float, rng: np.random.Generat
     if kind == "stop":
         return lambda z: (
             stroke
-            * (0.1 * z + z - slip_sums(z, np.zeros_like(z), limits, sizes[:, None], _NO_PAST)[:, 0])
+            * (
+                1.1 * z
+                - slip_sums(z - z[0], np.zeros_like(z), limits, sizes[:, None], _NO_PAST)[:, 0]
+            )
         )
     if kind == "generalised_pi":
         rise, fall = rng.uniform(0.8, 1.6, 2)

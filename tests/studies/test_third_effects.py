@@ -1,6 +1,7 @@
 """Third study of the search: its base plant is the package's, its draws are pure and show what they hide."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,14 @@ from studies.third_effects.draws import NUMBERS, ROUNDING, is_drawn_as, make_cas
 from studies.third_effects.faults import EXCUSED, FAULTS
 from studies.third_effects.forms import EFFECTS, FORMS
 from studies.third_effects.physics import filtered, slip_sums
-from studies.third_effects.plants import KINDS, OUTSIDE, BaseModel, Bench, draw_elements
+from studies.third_effects.plants import (
+    KINDS,
+    OUTSIDE,
+    BaseModel,
+    Bench,
+    draw_core,
+    draw_elements,
+)
 from studies.third_effects.protocols import PROTOCOLS, Drive, Experiment, held
 from tests.looping import over
 
@@ -86,6 +94,18 @@ def test_the_plant_without_effects_is_the_package_s():
     np.testing.assert_allclose(y, Plant(model, 1e-3).simulate(u), atol=1e-9 * p.stroke_um)
     # a refit of the base model takes all of it up
     assert BaseModel(one).left_um([y]) < 2e-3 * p.stroke_um
+
+
+@over("kind", list(KINDS))
+def test_a_plant_of_another_kind_begins_at_rest_at_0_V(kind):
+    u = 5.0 + np.concatenate([np.linspace(0.0, 6.0, 300), np.linspace(6.0, -8.0, 700)])
+    core = draw_core(kind, 10.0, 1e-3, np.random.default_rng(1))
+    walk = np.linspace(0.0, u[0], 400)
+    here, from_rest = (
+        replace(bench(each, parts=1), core=core).displacements()[0]
+        for each in (u, np.concatenate([walk, u]))
+    )
+    np.testing.assert_allclose(here, from_rest[walk.size :], atol=1e-9)
 
 
 def test_wider_elements_yield_later_and_a_filter_is_its_differential_equation():

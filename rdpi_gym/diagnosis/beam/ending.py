@@ -65,8 +65,8 @@ class Course:
 
     @cached_property
     def weights(self) -> dict[tuple[str, ...], float]:
-        """Weight of each set, by its key."""
-        mean = self.scores.weights.mean(axis=0)
+        """Probability of each set, by its key."""
+        mean = self.scores.probabilities.mean(axis=0)
         return {one.key: float(w) for one, w in zip(self.scores.sets, mean, strict=True)}
 
     @cached_property

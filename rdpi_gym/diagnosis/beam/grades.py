@@ -44,9 +44,9 @@ class Name:
 
 def names_of(scores: Scores, best: Visited) -> tuple[Name, ...]:
     """Return the names that any set has, with probability and grade, most probable first."""
-    mean = scores.weights.mean(axis=0)
+    mean = scores.probabilities.mean(axis=0)
     members = [one.model.names for one in scores.sets]
-    instead = classes(scores.weights, members) if any(members) else {}
+    instead = classes(scores.probabilities, members) if any(members) else {}
     found = []
     for name, others in instead.items():
         if name == Unknown.name:

@@ -38,6 +38,20 @@ def correlation_length(left: Array) -> float:
     return float(1.0 + 2.0 * rho[1 : int(ends[0]) if ends.size else x.size].sum())
 
 
+def independent_share(left: Array) -> float:
+    """Share of the values of a residual that are independent, 1 for white noise.
+
+    Notes
+    -----
+    1 / Σ ρ_k² over all lags (Bartlett 1946), by the ordinates P of the periodogram: 2 mean(P)² /
+    mean(P²), as those of white noise are exponential. A residual that repeats with the command is no
+    more than one period of it.
+    """
+    power = np.abs(np.fft.rfft(left - left.mean())[1:]) ** 2
+    mean_square = float(np.mean(power**2)) if power.size else 0.0
+    return min(2.0 * float(np.mean(power)) ** 2 / mean_square, 1.0) if mean_square > 0.0 else 1.0
+
+
 @dataclass(frozen=True)
 class Blocks:
     """Division of the samples of all records into blocks that count as independent."""
@@ -53,6 +67,10 @@ class Blocks:
             most = min(MOST_BLOCKS, max(left.size // 2, 1))
             counts.append(int(min(max(wanted, min(FEWEST_BLOCKS, most)), most)))
         return cls(tuple(counts))
+
+    def independent(self, lefts: Sequence[Array]) -> Array:
+        """Return the share of each block's values that are independent, ``(B,)``: that of its record."""
+        return np.repeat([independent_share(left) for left in lefts], self.counts)
 
     def mean_squares(self, lefts: Sequence[Array]) -> Array:
         """Return the mean square of each block (µm²), ``(B,)``."""

@@ -152,7 +152,7 @@ class Beam:
         faults = {clock.name for clock in clock_starts(self.evidence)}
         noise_um = self.evidence.floor_um(least.lefts)
         floors_um = self.evidence.floors_um(least.lefts, FIT_SAMPLES)
-        priors = offered, len(faults), kept
+        priors = offered, len(faults), kept, blocks.independent(least.lefts)
         return Scores(tuple(sets), blocks, noise_um, floors_um, self.seed, *priors)
 
     def _with_numerical(self, least: Visited) -> Evidence:
@@ -206,6 +206,7 @@ class Scores:
     offered: int = len(CATALOGUE) + 1  # Effects that a move may bring, and a clock fault
     faults: int = 1  # Clock faults that the records may have
     kept: frozenset[str] = frozenset()  # Effects that are in every set
+    independent: Array | float = 1.0  # Share of each block's values that are
 
     @cached_property
     def draws(self) -> Array:
@@ -219,9 +220,19 @@ class Scores:
 
     @cached_property
     def weights(self) -> Array:
-        """Weight of each set in each draw, ``(DRAWS, K)``."""
-        priors = [self._prior(one) for one in self.sets]
-        return drawn_weights(self.table, priors, self.draws)
+        """Weight of each set in each draw, ``(DRAWS, K)``, by which the search goes on."""
+        return self._drawn(self.table)
+
+    @cached_property
+    def probabilities(self) -> Array:
+        """Probability of each set in each draw, ``(DRAWS, K)``: its weight by independent values alone.
+
+        What the best set leaves, no set explains; it tells sets apart by no more values than it has.
+        """
+        return self._drawn(self.table * self.independent)
+
+    def _drawn(self, table: Array) -> Array:
+        return drawn_weights(table, [self._prior(one) for one in self.sets], self.draws)
 
     def of(self, one: Visited) -> Array:
         """Score of each block of a set (nats)."""
@@ -244,6 +255,10 @@ class Scores:
         """Whether one effect more, were nothing left then, could make a set weigh more than the best one."""
         more = len(one.model.names) + 1 - len(best.model.names)
         return not self.is_at_floor(one) and self._left(best) >= more * self._price
+
+    def takes_most(self, of: Visited, move: Visited) -> bool:
+        """Whether a move takes as much of what a set leaves as it leaves itself, or more."""
+        return self._left(of) >= 2.0 * self._left(move)
 
     def may_bend(self, one: Visited) -> bool:
         """Whether what a set leaves could pay for one of two forms."""
@@ -336,7 +351,7 @@ def searched(
                 if other and other[1].log_weight(other[2]) > scores.log_weight(best):
                     return other
             break
-        grows = scores.may_grow(one, best)
+        grows = _may_grow(beam, scores, one, best)
         if grows and one.model.core.name not in signatures:
             signatures[one.model.core.name] = offered(evidence, one)
         known = frozenset(beam.visited)
@@ -416,7 +431,25 @@ def _next(beam: Beam, scores: Scores, best: Visited, done: Collection[Key]) -> V
     for k in order:
         one = scores.sets[chosen[k]]
         leads = mean[k] >= LEAST_WEIGHT or left[k] <= most
-        grows = scores.may_grow(one, best) or len(one.model.effects) > 1
+        grows = _may_grow(beam, scores, one, best) or len(one.model.effects) > 1
         if leads and grows and one.key not in done:
             return one
     return None
+
+
+def _may_grow(beam: Beam, scores: Scores, one: Visited, best: Visited) -> bool:
+    """Whether a set goes on with one effect more.
+
+    It does not after several that each took less than was left then: these are no causes, and further
+    ones beside them even less so.
+    """
+    small = 0
+    if not scores.may_grow(one, best):
+        return False
+    while one.parent is not None and small < BEAM:
+        before = beam.visited[one.parent]
+        if scores.takes_most(before, one):
+            return True
+        small += len(one.model.names) > len(before.model.names)
+        one = before
+    return small < BEAM

@@ -1,18 +1,42 @@
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rdpi_gym.diagnosis.beam import constants
-from rdpi_gym.diagnosis.beam.score import Blocks, correlation_length, cross_fitted, orthogonal
+from rdpi_gym.diagnosis.beam.score import (
+    Blocks,
+    correlation_length,
+    cross_fitted,
+    independent_share,
+    orthogonal,
+)
 
 
 def test_white_noise_is_correlated_over_one_sample_and_an_autoregression_over_its_memory():
     rng = np.random.default_rng(0)
     white = rng.normal(size=20_000)
-    slow = np.zeros_like(white)
-    for k in range(1, slow.size):
-        slow[k] = 0.9 * slow[k - 1] + white[k]
+    slow = lfilter([1.0], [1.0, -0.9], white)
     assert correlation_length(white) == pytest.approx(1.0, abs=0.1)
     assert correlation_length(slow) == pytest.approx(1.9 / 0.1, rel=0.25)  # (1 + a) / (1 - a)
+
+
+def test_values_of_white_noise_are_independent_and_of_an_autoregression_few():
+    """Bartlett's 1 / Σ ρ_k² is (1 - a²) / (1 + a²) for ρ_k = a^|k|."""
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=200_000)
+    slow = lfilter([1.0], [1.0, -0.9], white)
+    assert independent_share(white) == pytest.approx(1.0, abs=0.05)
+    assert independent_share(slow) == pytest.approx(0.19 / 1.81, rel=0.1)
+    assert independent_share(np.ones(9)) == 1.0
+
+
+def test_a_residual_that_repeats_is_no_more_than_one_period():
+    rng = np.random.default_rng(1)
+    period = rng.normal(size=500)
+    assert independent_share(np.tile(period, 20)) == pytest.approx(1 / 20, rel=0.15)
+    blocks = Blocks((4, 2))
+    shares = blocks.independent([np.tile(period, 20), rng.normal(size=4000)])
+    assert shares == pytest.approx([1 / 20] * 4 + [1.0] * 2, rel=0.15)
 
 
 def test_scores_are_logarithms_above_the_floor_and_zero_below():

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from rdpi_gym.diagnosis.beam.constants import LOOKED, TEMPERATURE
+from rdpi_gym.diagnosis.beam.constants import FOUND, LIKELY, LOOKED, TEMPERATURE
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
@@ -84,7 +84,7 @@ def test_creep_is_named_and_its_probability_is_the_weight_of_its_sets(crept):
     base = next(one for one in scores.sets if one.parent is None)
     assert best.model.core.name == "rdpi"
     assert best.rmse_um < 0.1 * base.rmse_um
-    weights = scores.weights.mean(axis=0)
+    weights = scores.probabilities.mean(axis=0)
     having = ["creep" in one.model.names for one in scores.sets]
     assert names["creep"].probability == pytest.approx(weights[having].sum())
     assert weights.sum() == pytest.approx(1.0)
@@ -280,6 +280,15 @@ def test_a_name_is_likely_where_it_or_one_that_takes_its_weight_is():
     both = _visited(Model(P10.hysteresis, (CREEP, delay)), 1.0)
     beside = names_of(_scores(_visited(BARE, 50.0), one, other, both), both)
     assert not any(name.instead for name in beside)  # none of them is in the place of the other
+
+
+def test_what_is_left_with_few_independent_values_makes_a_name_less_probable():
+    bare, more = _visited(BARE, 5.0), _visited(Model(P10.hysteresis, (CREEP,)), 2.0)
+    white = _scores(bare, more)
+    structured = replace(white, independent=np.full(16, 0.1))
+    (found,), (unsure,) = (names_of(scores, more) for scores in (white, structured))
+    assert found.probability > FOUND > LIKELY > unsure.probability
+    assert structured.weights == pytest.approx(white.weights)  # the search goes on by these
 
 
 @pytest.mark.parametrize(
