@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from benchmarks.rows import ROWS_FILE
+from rdpi_gym.support.store import named_rows
 from studies.third_effects.plants import KINDS
 
 ROOT = Path(__file__).parents[2]
@@ -55,23 +57,52 @@ def test_the_figures_are_those_of_the_second_study():
     assert f"| {said[1]} | |" in SECOND
 
 
-def test_the_figures_are_those_of_the_third_study():
-    table = (ROOT / "studies/results/third/third_effects.md").read_text(encoding="utf-8")
+def shares(folder):
+    """Figures of a draw of the third study: of the second study, of its own."""
+    table = (ROOT / "studies/results" / folder / "third_effects.md").read_text(encoding="utf-8")
     lines = [line for line in table.splitlines() if line.endswith(("| yes |", "| no |"))]
-    shares = [tuple(re.findall(r"\((\d+ of \d+)\)", line)) for line in lines]
-    stated = re.findall(r"^\| .* \| (\d+ of \d+) \| (\d+ of \d+) \|$", THIRD, re.MULTILINE)
-    assert stated == shares
-    assert len(stated) == 12
+    return table, [tuple(re.findall(r"\((\d+ of \d+)\)", line)) for line in lines]
+
+
+def test_the_figures_are_those_of_the_third_study():
+    (table, now), (_, before) = shares("third"), shares("third/first_draw")
+    figures = re.findall(
+        r"^\| .* \| (\d+ of \d+) \| (\d+ of \d+) \| (\d+ of \d+) \|$", THIRD, re.MULTILINE
+    )
+    assert figures == [(s, old, own) for (s, own), (_, old) in zip(now, before, strict=True)]
+    assert len(figures) == 12
     flowing = " ".join(THIRD.split())
     kind = re.search(r"^\| kind \| (\d+) .*$", table, re.MULTILINE)
     wrong = round(float(kind[0].split("|")[7]) * int(kind[1]) / 100)
     assert f"found on {wrong} of {kind[1]} plants of other kinds" in flowing
     section = table.split("## Kinds of hysteresis")[1].split("##")[0]
-    kinds = re.findall(r"^\| (\w+) \| (\d+) \| (\d+) \|$", section, re.MULTILINE)
-    assert len(kinds) == 11
+    kinds = re.findall(r"^\| (\w+) \| (\d+) \| (\d+|no name) \|$", section, re.MULTILINE)
+    assert {name for name, *_ in kinds} == set(KINDS)
+    assert {name for name, _, right in kinds if right == "no name"} == {
+        n for n in KINDS if not KINDS[n]
+    }
     own = [(int(cases), int(right)) for name, cases, right in kinds if KINDS[name]]
     right, cases = sum(r for _, r in own), sum(c for c, _ in own)
     assert f"right on {right} of the {cases} plants of another kind" in flowing
+
+
+def names_found(folder):
+    """Names found on a draw of the third study, those that are there or not told apart from it first."""
+    right = wrong = 0
+    for row in named_rows(ROOT / "studies/results" / folder / ROWS_FILE).rows.values():
+        truth = row["truth"]
+        there = {*truth["excused"], *(h["effect"] for h in truth["hidden"])}
+        there |= {name for names in truth["alike"].values() for name in names}
+        found = [step["effect"] in there for step in row["steps"] if step["grade"] == "found"]
+        right, wrong = right + sum(found), wrong + len(found) - sum(found)
+    return right, wrong
+
+
+def test_of_the_names_found_on_both_draws_as_many_are_right_as_the_page_states():
+    (right, wrong), (before, wrong_before) = names_found("third"), names_found("third/first_draw")
+    shares = (f"{100 * r / (r + w):.0f} %" for r, w in ((right, wrong), (before, wrong_before)))
+    stated = "of the names found {} are right (first draw: {})".format(*shares)
+    assert stated in " ".join(THIRD.split())
 
 
 def test_false_additions_are_said_where_the_verdict_is_right():

@@ -225,11 +225,17 @@ class Scores:
 
     @cached_property
     def probabilities(self) -> Array:
-        """Probability of each set in each draw, ``(DRAWS, K)``: its weight by independent values alone.
+        """Probability of each set in each draw, ``(DRAWS, K)``.
 
-        What the best set leaves, no set explains; it tells sets apart by no more values than it has.
+        Its weight by scores that count whole down to the middle between the bare sets and the best one,
+        and below it by the share of a record's values that are independent: there a form that is nearly
+        right leaves as much as another cause, again with each period of the command.
         """
-        return self._drawn(self.table * self.independent)
+        means = self.table.mean(axis=1)
+        bare = [k for k, one in enumerate(self.sets) if one.model.names <= self.kept]
+        middle = 0.5 * float(means.min() + min((means[k] for k in bare), default=means.max()))
+        near = self.independent * np.minimum(self.table, middle)
+        return self._drawn(near + np.maximum(self.table - middle, 0.0))
 
     def _drawn(self, table: Array) -> Array:
         return drawn_weights(table, [self._prior(one) for one in self.sets], self.draws)

@@ -282,13 +282,17 @@ def test_a_name_is_likely_where_it_or_one_that_takes_its_weight_is():
     assert not any(name.instead for name in beside)  # none of them is in the place of the other
 
 
-def test_what_is_left_with_few_independent_values_makes_a_name_less_probable():
-    bare, more = _visited(BARE, 5.0), _visited(Model(P10.hysteresis, (CREEP,)), 2.0)
-    white = _scores(bare, more)
-    structured = replace(white, independent=np.full(16, 0.1))
-    (found,), (unsure,) = (names_of(scores, more) for scores in (white, structured))
-    assert found.probability > FOUND > LIKELY > unsure.probability
-    assert structured.weights == pytest.approx(white.weights)  # the search goes on by these
+def test_a_name_that_completes_another_one_needs_independent_values_and_the_first_does_not():
+    delay = CATALOGUE["delay"].within_bounds()
+    one, both = (Model(P10.hysteresis, effects) for effects in ((CREEP,), (CREEP, delay)))
+    sets = _visited(BARE, 50.0), _visited(one, 4.0), _visited(both, 1.5)
+    white = _scores(*sets)
+    repeating = replace(white, independent=np.full(16, 0.1))
+    for scores, completes in ((white, True), (repeating, False)):
+        names = {each.name: each.probability for each in names_of(scores, sets[-1])}
+        assert names["creep"] > FOUND
+        assert (names["delay"] > FOUND, names["delay"] < LIKELY) == (completes, not completes)
+    assert repeating.weights == pytest.approx(white.weights)  # the search goes on by these
 
 
 @pytest.mark.parametrize(
