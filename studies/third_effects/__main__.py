@@ -31,7 +31,7 @@ from rdpi_gym.support.parallel import run_cases
 from rdpi_gym.support.progress import progress_bar
 from rdpi_gym.support.store import Row, named_rows
 from studies.runner import RESULTS, Files, Study, study_rows
-from studies.third_effects.draws import SEED, is_drawn_as, make_cases, prepare, sums
+from studies.third_effects.draws import is_drawn_as, make_cases, prepare, sums
 
 OUT = RESULTS / "third"
 DRAWN = "drawn.csv"
@@ -133,7 +133,7 @@ def page(rows: Sequence[Row], second: Sequence[Row]) -> str:
     faults = j[j["study"] == "fault"].groupby("subject").agg(
         cases=("study", "size"), noticed=("noticed", "sum"), findings=("findings", "unique")
     ).reset_index()  # fmt: skip
-    code = ", ".join(sorted({row["code"] for row in rows}))
+    code, seed = (", ".join(sorted({str(row[of]) for row in rows})) for of in ("code", "seed"))
 
     def shares(part: pd.DataFrame, *by: str) -> str:
         return frame_table(group_table(part, by, _COLUMNS))
@@ -141,7 +141,7 @@ def page(rows: Sequence[Row], second: Sequence[Row]) -> str:
     return paragraphs(
         [
             "# The third study: forms, protocols and faults of neither other",
-            f"Written by `python -m studies.third_effects`; {len(rows)} cases, seed {SEED}, code {code}.",
+            f"Written by `python -m studies.third_effects`; {len(rows)} cases, seed {seed}, code {code}.",
             frame_table(pd.DataFrame(figures)),
             "## By study",
             shares(j, "study"),
