@@ -245,6 +245,12 @@ class BaseModel:
 # --- hysteresis of another kind ---
 
 
+def _slips(z: Array, limits: Array, sizes: Array) -> Array:
+    """Sum of slips from rest at the first command, at any rate, ``(T,)``."""
+    found: Array = slip_sums(z - z[0], np.zeros_like(z), limits, sizes[:, None], _NO_PAST)[:, 0]
+    return found
+
+
 def _preisach(centres: Sequence[float], spread: float, width: float, stroke: float) -> Core:
     """Relays of log-normal coercive and normal interaction fields, as of measured reversal curves."""
     from scipy.special import ndtr
@@ -256,8 +262,7 @@ def _preisach(centres: Sequence[float], spread: float, width: float, stroke: flo
     def respond(z: Array) -> Array:
         total = np.zeros_like(z)
         for h, share in zip(half, density, strict=True):
-            front = slip_sums(z - z[0], np.zeros_like(z), np.array([h]), np.ones((1, 1)), _NO_PAST)
-            front = z[0] + front[:, 0]
+            front = z[0] + _slips(z, np.array([h]), np.ones(1))
             for centre in centres:
                 total += share / len(centres) * ndtr((front - centre) / spread)
         return np.asarray(stroke * (2.0 * total + 0.15 * z))
@@ -288,13 +293,7 @@ def draw_core(kind: str, stroke: float, ts_points: float, rng: np.random.Generat
     limits = rng.uniform(0.05, 1.0, 12)
     sizes = rng.dirichlet(np.ones(12))
     if kind == "stop":
-        return lambda z: (
-            stroke
-            * (
-                1.1 * z
-                - slip_sums(z - z[0], np.zeros_like(z), limits, sizes[:, None], _NO_PAST)[:, 0]
-            )
-        )
+        return lambda z: stroke * (1.1 * z - _slips(z, limits, sizes))
     if kind == "generalised_pi":
         rise, fall = rng.uniform(0.8, 1.6, 2)
         return lambda z: stroke * (

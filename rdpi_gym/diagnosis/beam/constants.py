@@ -57,7 +57,7 @@ TABLE: tuple[Constant, ...] = (
              "names of 80 plants, studies.one_law of 40 at seeds 21 and 22: log loss 2.6 nats a plant at 2, 2.3 at "
              "4, 1.7 to 1.8 from 11 to 32; the largest at which no name that is there is lost"),
     Constant("BEAM", BEAM, "sets", "of which the first that may grow goes on; and effects in a row, added to one, that "
-             "each take less than is left", "three to five; 109 plants of the second study need one such effect at most"),
+             "each take less than is left", "three to five; and no plant of the studies hides more effects"),
     Constant("LEAST_WEIGHT", LEAST_WEIGHT, "1", "of a set that goes on", "less moves no probability by 5 %"),
     Constant("EXPANDED", EXPANDED, "sets", "whose moves are looked at, at most",
              "the beam, for each of twice the effects that a plant of the studies has"),

@@ -64,7 +64,7 @@ class Course:
         return self._outcomes[one.key]
 
     @cached_property
-    def weights(self) -> dict[tuple[str, ...], float]:
+    def probabilities(self) -> dict[tuple[str, ...], float]:
         """Probability of each set, by its key."""
         mean = self.scores.probabilities.mean(axis=0)
         return {one.key: float(w) for one, w in zip(self.scores.sets, mean, strict=True)}
@@ -100,9 +100,9 @@ class Course:
         return found if found[-1] is self.best else [*found, self.best]
 
     def beside(self, one: Visited) -> dict[str, Visited]:
-        """Sets with one effect more, by its name: of its forms the one of the largest weight."""
+        """Sets with one effect more, by its name: of its forms the most probable."""
         found: dict[str, Visited] = {}
-        for other in sorted(self.scores.sets, key=lambda each: -self.weights[each.key]):
+        for other in sorted(self.scores.sets, key=lambda each: -self.probabilities[each.key]):
             new = other.model.names - one.model.names
             if other.model.core.name != one.model.core.name or len(new) != 1:
                 continue
@@ -113,13 +113,15 @@ class Course:
         return found
 
     def named(self, names: frozenset[str]) -> Visited | None:
-        """Return the set of some names that has the largest weight."""
+        """Return the most probable set of some names."""
         alike = [one for one in self.scores.sets if one.model.names == names]
-        return max(alike, key=lambda one: self.weights[one.key], default=None)
+        return max(alike, key=lambda one: self.probabilities[one.key], default=None)
 
-    def weight_of(self, name: str) -> float:
-        """Return the weight of the sets that have a name."""
-        return sum(self.weights[one.key] for one in self.scores.sets if name in one.model.names)
+    def probability_of(self, name: str) -> float:
+        """Return the probability of the sets that have a name."""
+        return sum(
+            self.probabilities[one.key] for one in self.scores.sets if name in one.model.names
+        )
 
 
 def ended(
@@ -301,8 +303,8 @@ def _probabilities(course: Course) -> Probabilities:
     return Probabilities(
         effects,
         groups,
-        sum(course.weights[one.key] for one in bare) * (1.0 - beyond),
-        1.0 - (1.0 - course.weight_of(Unknown.name)) * (1.0 - beyond),
+        sum(course.probabilities[one.key] for one in bare) * (1.0 - beyond),
+        1.0 - (1.0 - course.probability_of(Unknown.name)) * (1.0 - beyond),
         tuple(n for n, p in effects.items() if p >= 1.0 - FOUND),
     )
 
@@ -312,7 +314,7 @@ def _core(course: Course) -> CoreChoice:
     weights: dict[str, float] = {}
     for one in course.scores.sets:
         name = one.model.core.name
-        weights[name] = weights.get(name, 0.0) + course.weights[one.key]
+        weights[name] = weights.get(name, 0.0) + course.probabilities[one.key]
     kind, clockwise = course.best.model.core.name, course.evidence.clockwise
     if len(weights) == 1:
         return CoreChoice(kind, clockwise=clockwise)

@@ -225,17 +225,12 @@ class Scores:
 
     @cached_property
     def probabilities(self) -> Array:
-        """Probability of each set in each draw, ``(DRAWS, K)``.
+        """Probability of each set in each draw, ``(2 DRAWS, K)``.
 
-        Its weight by scores that count whole down to the middle between the bare sets and the best one,
-        and below it by the share of a record's values that are independent: there a form that is nearly
-        right leaves as much as another cause, again with each period of the command.
+        Half of the draws count all values of a residual, half the independent ones alone: as no record
+        tells whether what repeats with the command has one cause or two, each counts as likely.
         """
-        means = self.table.mean(axis=1)
-        bare = [k for k, one in enumerate(self.sets) if one.model.names <= self.kept]
-        middle = 0.5 * float(means.min() + min((means[k] for k in bare), default=means.max()))
-        near = self.independent * np.minimum(self.table, middle)
-        return self._drawn(near + np.maximum(self.table - middle, 0.0))
+        return np.concatenate([self.weights, self._drawn(self.independent * self.table)])
 
     def _drawn(self, table: Array) -> Array:
         return drawn_weights(table, [self._prior(one) for one in self.sets], self.draws)
@@ -343,11 +338,11 @@ def searched(
     signatures = dict[str, Sequence[Signature]]()
     for _ in range(EXPANDED):
         scores, best = _led(beam, stage)
-        one = _next(beam, scores, best, done)
-        if one is None:
+        chosen = _next(beam, scores, best, done)
+        if chosen is None:
             scores, best = _settled(beam, pool, stage)
-            one = _next(beam, scores, best, done)
-        if one is None:  # where no name pays any more
+            chosen = _next(beam, scores, best, done)
+        if chosen is None:  # where no name pays any more
             spared = None if scores.is_at_floor(best) else without_unknown_past(evidence, best)
             if spared is not None:
                 return searched(spared, jobs, seed, progress, on_visited)
@@ -357,7 +352,7 @@ def searched(
                 if other and other[1].log_weight(other[2]) > scores.log_weight(best):
                     return other
             break
-        grows = _may_grow(beam, scores, one, best)
+        one, grows = chosen
         if grows and one.model.core.name not in signatures:
             signatures[one.model.core.name] = offered(evidence, one)
         known = frozenset(beam.visited)
@@ -422,8 +417,12 @@ def best_of(beam: Beam, scores: Scores) -> Visited:
     return scores.sets[max(chosen, key=lambda own: (named[own[1]], mean[own[0]]))[0]]
 
 
-def _next(beam: Beam, scores: Scores, best: Visited, done: Collection[Key]) -> Visited | None:
-    """Return the set that goes on: of the best few, the first that may yet lead to the right one.
+def _next(
+    beam: Beam, scores: Scores, best: Visited, done: Collection[Key]
+) -> tuple[Visited, bool] | None:
+    """Return the set that goes on, and whether with one effect more.
+
+    It is the first of the best few that may yet lead to the right one.
 
     These have a weight, or are behind the best one by no more than that itself leaves: whatever takes
     that may be missing beside them as well.
@@ -436,10 +435,11 @@ def _next(beam: Beam, scores: Scores, best: Visited, done: Collection[Key]) -> V
     most = 0.0 if scores.is_at_floor(best) else 2.0 * left[order[0]]
     for k in order:
         one = scores.sets[chosen[k]]
-        leads = mean[k] >= LEAST_WEIGHT or left[k] <= most
-        grows = _may_grow(beam, scores, one, best) or len(one.model.effects) > 1
-        if leads and grows and one.key not in done:
-            return one
+        if one.key in done or (mean[k] < LEAST_WEIGHT and left[k] > most):
+            continue
+        grows = _may_grow(beam, scores, one, best)
+        if grows or len(one.model.effects) > 1:
+            return one, grows
     return None
 
 

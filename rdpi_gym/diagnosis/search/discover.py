@@ -189,7 +189,7 @@ def add_effect(dataset: Dataset, kind: type[Effect], request: Request) -> Search
     beam.judge(found)
     scores = beam.scored()
     course = Course(evidence, beam, scores, _simplest(found, scores))
-    earned = course.weight_of(kind.name) >= FOUND
+    earned = course.probability_of(kind.name) >= FOUND
     asked = () if earned else (template("on request", effect=kind.name),)
     return conclude(search.ended("addition", course, asked))
 

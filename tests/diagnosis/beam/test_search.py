@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from rdpi_gym.diagnosis.beam.constants import FOUND, LIKELY, LOOKED, TEMPERATURE
+from rdpi_gym.diagnosis.beam.constants import LOOKED, TEMPERATURE
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
@@ -282,16 +282,15 @@ def test_a_name_is_likely_where_it_or_one_that_takes_its_weight_is():
     assert not any(name.instead for name in beside)  # none of them is in the place of the other
 
 
-def test_a_name_that_completes_another_one_needs_independent_values_and_the_first_does_not():
+def test_a_name_that_completes_another_one_is_found_by_independent_values_and_likely_by_others():
     delay = CATALOGUE["delay"].within_bounds()
     one, both = (Model(P10.hysteresis, effects) for effects in ((CREEP,), (CREEP, delay)))
     sets = _visited(BARE, 50.0), _visited(one, 4.0), _visited(both, 1.5)
     white = _scores(*sets)
-    repeating = replace(white, independent=np.full(16, 0.1))
-    for scores, completes in ((white, True), (repeating, False)):
-        names = {each.name: each.probability for each in names_of(scores, sets[-1])}
-        assert names["creep"] > FOUND
-        assert (names["delay"] > FOUND, names["delay"] < LIKELY) == (completes, not completes)
+    repeating = replace(white, independent=np.full(16, 0.2))
+    for scores, grade in ((white, "found"), (repeating, "likely")):
+        names = {each.name: each.grade for each in names_of(scores, sets[-1])}
+        assert names == {"creep": "found", "delay": grade}
     assert repeating.weights == pytest.approx(white.weights)  # the search goes on by these
 
 
