@@ -164,7 +164,8 @@ class LuGre(InnerVariable):
 
     def static(self) -> Self:
         """Return the model of slow motion: friction at Fs, whatever the rate, without damping."""
-        limit = self.coulomb_V * self.static_ratio
+        highest = self.shape[0].high  # nothing slides there
+        limit = min(self.coulomb_V * self.static_ratio, highest)
         return replace(self, s1_s=0.0, s2_s=0.0, coulomb_V=limit, static_ratio=1.0)
 
     def steady_um(self, rate_V_s: float) -> float:

@@ -51,6 +51,11 @@ def test_a_slow_walk_is_dahls_model_of_the_static_limit() -> None:
     np.testing.assert_allclose(run(CORE, u, 1e6), run(other, u), atol=1e-6)
 
 
+def test_the_slow_model_of_a_friction_that_nothing_moves_is_within_its_bounds() -> None:
+    stuck = LuGre(8.0, 0.02, 0.01, coulomb_V=1e9, static_ratio=2.5, stribeck_V_s=30.0)
+    assert (stuck.static().coulomb_V, stuck.static().static_ratio) == (1e9, 1.0)
+
+
 def test_the_response_of_a_stiffer_state_is_stable_at_any_rate() -> None:
     rng = np.random.default_rng(4)
     u = rng.normal(size=400) * 10.0 ** rng.uniform(-6.0, 100.0, 400)
