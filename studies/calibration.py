@@ -35,7 +35,7 @@ from studies.runner import Files, Study
 from studies.third_effects.__main__ import OUT
 
 RESULTS = Path(__file__).parent / "results" / "calibration"
-FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": OUT / "first_draw"}
+FOLDERS = {"first": INDEPENDENT.out, "second": FOREIGN.out, "third": OUT}
 """Rows of each study."""
 _BINS = 10
 KINDS = {

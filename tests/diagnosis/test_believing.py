@@ -42,9 +42,8 @@ def test_the_numerical_floor_falls_with_the_square_of_the_sampling_time():
     assert numerical_floor(BARE, [record("run", BARE, sine(30.0, 9.0))]).total_um == 0.0
 
 
-def test_every_test_that_can_see_an_effect_is_one_that_is_run():
+def test_what_a_check_suggests_is_an_effect_of_the_catalogue():
     checks = run_checks(simulate_dataset(Truth(P10, (), NOISE_UM, 3)))
-    names = {check.name for check in checks}
-    assert {name for kind in CATALOGUE.values() for name in kind.seen_by} <= names
-    for check in checks:
-        assert all(check.name in CATALOGUE[effect].seen_by for effect in check.suggests[:1])
+    suggested = {name for check in checks for name in check.suggests}
+    assert suggested
+    assert suggested <= set(CATALOGUE)

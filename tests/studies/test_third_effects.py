@@ -181,8 +181,7 @@ def test_its_page_sets_the_figures_of_the_second_study_beside_its_own():
 
 
 def test_the_committed_page_is_that_of_the_committed_rows():
-    folder = OUT / "second_draw"
-    rows, second = (named_rows(out / ROWS_FILE).rows for out in (folder, FOREIGN.out))
+    rows, second = (named_rows(out / ROWS_FILE).rows for out in (OUT, FOREIGN.out))
     drawn = sorted(rows.values(), key=lambda r: (list(NUMBERS).index(r["study"]), r["number"]))
     text = page(drawn, list(second.values()))
-    assert (folder / "third_effects.md").read_text(encoding="utf-8") == text
+    assert (OUT / "third_effects.md").read_text(encoding="utf-8") == text

@@ -58,7 +58,6 @@ class ActuatorLag(FirstOrderLag):
         "hysteresis; it needs one sample of preview and amplifies noise of the reference."
     )
     mistaken_for = ("sensor_lag", "delay", "rate_law", "resonance")
-    seen_by = ("lag at small signals", "few frequencies")
     picture = Picture(
         {"time_constant_s": 3e-4},
         Look("phase", "A small multisine: every play sticks"),

@@ -74,7 +74,6 @@ class Asymmetry(Stateless):
         "of a quadratic."
     )
     mistaken_for = ("congruency", "saturation", "thermal_drift")
-    seen_by = ("asymmetry",)
     picture = Picture(
         {"coefficient": 0.05},
         Look("loops", "A large sine about zero", "sine-10hz"),

@@ -68,7 +68,6 @@ class Backlash(Effect):
         "as an error. Approach every target from the same side where the task allows."
     )
     mistaken_for = ("rate_law", "initial_memory")
-    seen_by = ("motion at small signals",)
     picture = Picture(
         {"half_width_um": 0.2},
         Look("small_loop", "Reversals while every play sticks", "small-triangle", 0.5),

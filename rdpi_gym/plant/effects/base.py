@@ -140,10 +140,6 @@ class Effect(ABC):
         who, what to do about it. Empty unless stated.
     mistaken_for
         Names of effects that data may not tell apart from it.
-    seen_by
-        Names of the checks without a model that can detect it, the nearest first (those of the
-        commands, ``few ...``, state what too few amplitudes or frequencies hide). A search caps the
-        confidence in an effect that none of its checks can see; without any it is never capped.
     block
         The compiled kernel, as a ``staticmethod``.
     picture
@@ -197,7 +193,6 @@ class Effect(ABC):
     magnitude: ClassVar[str] = ""
     remedy: ClassVar[str] = ""
     mistaken_for: ClassVar[tuple[str, ...]]
-    seen_by: ClassVar[tuple[str, ...]] = ()
     block: ClassVar[Block]
     picture: ClassVar[Picture | None] = None
     kinked: ClassVar[str | None] = None
@@ -537,7 +532,7 @@ class Extension(Effect):
 
 _SHARED = (
     "name", "slot", "order", "source", "signature", "experiment", "cause", "hardware", "magnitude",
-    "remedy", "mistaken_for", "seen_by",
+    "remedy", "mistaken_for",
 )  # fmt: skip
 """What a further form has from the simplest unless it or a class above it states its own."""
 

@@ -68,7 +68,6 @@ class Congruency(Stateless):
         "extended inverse does while the sum still rises."
     )
     mistaken_for = ("saturation", "asymmetry")
-    seen_by = ("congruency",)
     picture = Picture(
         {"coefficient": 0.3},
         Look("loops", "Minor loops at three biases", "minor-loops"),

@@ -167,7 +167,6 @@ class Creep(Effect):
         "stable and needs no preview. Waiting helps slowly: each further decade costs as much."
     )
     mistaken_for = ("thermal_drift", "gain_drift", "initial_memory")
-    seen_by = ("creep",)
     picture = Picture(
         {"gain_per_decade": 0.02},
         Look("onward", "A hold of 30 s", "stairs", 23.85, 53.8),

@@ -111,7 +111,6 @@ class Delay(Effect):
         "feedback a delay cannot be undone and limits the gain."
     )
     mistaken_for = ("sensor_lag", "actuator_lag", "rate_law", "resonance")
-    seen_by = ("lag at small signals", "few frequencies")
     picture = Picture(
         {"delay_s": 3e-4},
         Look("phase", "A small multisine: every play sticks"),

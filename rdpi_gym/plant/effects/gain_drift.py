@@ -71,7 +71,6 @@ class GainDrift(Clocked):
         "loop, which takes a slow gain out."
     )
     mistaken_for = ("thermal_drift", "creep")
-    seen_by = ("gain drift in holds", "gain drift between repeats")
     picture = Picture(
         {"rate_per_s": 3e-4},
         Look(

@@ -82,7 +82,6 @@ class InitialMemory(_Memory):
         "past, or move once through the full range."
     )
     mistaken_for = ("creep", "thermal_drift", "backlash")
-    seen_by = ("initial memory",)
     picture = Picture(
         {"extremum_V": 25.0},
         Look("over_time", "The first moments of a large sine", "sine-10hz", 0.0, 0.02),

@@ -96,7 +96,6 @@ class MainsHum(Clocked):
         "stage does move."
     )
     mistaken_for = ()
-    seen_by = ("mains hum",)
     picture = Picture(
         {"amplitude_um": 0.05},
         Look("over_time", "A quiet record", "quiet", 0.0, 0.1),

@@ -74,7 +74,6 @@ class RateLaw(Stateless):
         "stays the same and only the rate is replaced."
     )
     mistaken_for = ("delay", "sensor_lag", "actuator_lag", "slew_limit")
-    seen_by = ("rate law", "few frequencies")
     picture = Picture(
         {"exponent": 0.5},
         Look("loops", "A large sine of 10 Hz", "sine-10hz"),

@@ -76,7 +76,6 @@ class Resonance(Effect):
         "2013)."
     )
     mistaken_for = ("delay", "sensor_lag", "actuator_lag")
-    seen_by = ("resonance at small signals", "lag at small signals")
     picture = Picture(
         {"f0_hz": 1000.0, "damping": 0.02},
         Look("gain", "A small multisine: every play sticks"),

@@ -71,7 +71,6 @@ class Saturation(Stateless):
         "beyond them no command helps and the reference must be made smaller."
     )
     mistaken_for = ("asymmetry", "congruency", "slew_limit")
-    seen_by = ("saturation", "gain over amplitude", "congruency", "few amplitudes")
     picture = Picture(
         {"limit_V": 60.0},
         Look("loops", "A slow decaying triangle", "triangle-slow"),

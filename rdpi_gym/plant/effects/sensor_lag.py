@@ -57,7 +57,6 @@ class SensorLag(FirstOrderLag):
         "alone."
     )
     mistaken_for = ("delay", "actuator_lag", "rate_law", "resonance")
-    seen_by = ("lag at small signals", "few frequencies")
     picture = Picture(
         {"time_constant_s": 2e-4},
         Look("phase", "A small multisine: every play sticks"),

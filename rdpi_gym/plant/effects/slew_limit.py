@@ -92,7 +92,6 @@ class SlewLimit(Effect):
         "A feedback loop winds up against it and needs anti-windup."
     )
     mistaken_for = ("rate_law", "saturation", "actuator_lag")
-    seen_by = ("rate law", "motion at small signals")
     kinked = "rate_V_s"
     picture = Picture(
         {"rate_V_s": 5e3},

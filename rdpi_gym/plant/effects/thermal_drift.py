@@ -100,7 +100,6 @@ class ThermalDrift(Clocked):
         "of interest and feedback work without a model."
     )
     mistaken_for = ("creep", "gain_drift", "initial_memory")
-    seen_by = ("drift in holds", "drift between repeats")
     picture = Picture(
         {"rate_um_s": 0.02, "time_constant_s": 50.0},
         Look("response", "Five minutes at a constant command", "at-rest"),
