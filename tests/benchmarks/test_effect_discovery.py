@@ -635,7 +635,7 @@ def test_the_second_study_runs_in_parts_and_its_tables_are_written_without_a_run
 
 
 @over(
-    "command, folder, seed", [(hidden_effects, "hidden", "0"), (foreign_effects, "foreign", "2033")]
+    "command, folder, seed", [(hidden_effects, "hidden", "0"), (foreign_effects, "foreign", "2034")]
 )
 def test_committed_tables_are_those_of_the_committed_rows(command, folder, seed, tmp_path):
     committed = Path(hidden_effects.__file__).parents[1] / "studies" / "results" / folder
