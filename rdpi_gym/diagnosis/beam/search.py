@@ -13,9 +13,12 @@ from scipy.special import expit
 
 from rdpi_gym.diagnosis.beam.constants import (
     BEAM,
+    DRAWS,
     EXPANDED,
     FIT_SAMPLES,
+    FOUND,
     LEAST_WEIGHT,
+    LIKELY,
     TEMPERATURE,
 )
 from rdpi_gym.diagnosis.beam.decision import draw_blocks, drawn_weights, log_prior
@@ -225,12 +228,15 @@ class Scores:
 
     @cached_property
     def probabilities(self) -> Array:
-        """Probability of each set in each draw, ``(2 DRAWS, K)``.
+        """Probability of each set in each draw, ``(DRAWS, K)``.
 
-        Half of the draws count all values of a residual, half the independent ones alone: as no record
-        tells whether what repeats with the command has one cause or two, each counts as likely.
+        In some draws all values of a residual count, in the others the independent ones alone: no record
+        tells whether what repeats with the command has one cause or two. Of all draws the first are so
+        many that what they alone find is likely.
         """
-        return np.concatenate([self.weights, self._drawn(self.independent * self.table)])
+        whole = round(LIKELY / FOUND * DRAWS)
+        apart = self._drawn(self.independent * self.table)
+        return np.concatenate([self.weights[:whole], apart[whole:]])
 
     def _drawn(self, table: Array) -> Array:
         return drawn_weights(table, [self._prior(one) for one in self.sets], self.draws)
