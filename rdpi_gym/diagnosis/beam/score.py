@@ -19,6 +19,9 @@ from rdpi_gym.diagnosis.beam.constants import (
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.support.arrays import Array
 
+_LARGEST = 1e150
+"""Residual in floors that counts no larger: its square is within the floats."""
+
 
 def correlation_length(left: Array) -> float:
     """Integrated autocorrelation length of a residual (samples), 1 for white noise.
@@ -97,7 +100,8 @@ class Blocks:
     def ratios(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
         """Return the mean square of each block in units of the floor of each sample, ``(B,)``."""
         pairs = zip(lefts, floors_um, strict=True)
-        return self.mean_squares([left / np.maximum(floor, 1e-150) for left, floor in pairs])
+        parts = (left / np.maximum(floor, 1e-150) for left, floor in pairs)
+        return self.mean_squares([np.clip(part, -_LARGEST, _LARGEST) for part in parts])
 
 
 def squares(lefts: Iterable[Array]) -> float:

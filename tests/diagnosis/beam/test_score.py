@@ -45,6 +45,13 @@ def test_scores_are_logarithms_above_the_floor_and_zero_below():
     assert blocks.scores([left], np.ones(1)) == pytest.approx([np.log(4.0), 0.0])
 
 
+def test_a_residual_that_leaves_the_floats_at_no_floor_scores_as_a_large_one():
+    blocks = Blocks((2,))
+    wild, floor_um = np.full(8, 1e10), np.zeros(8)  # 1e160 floors, whose square is no number
+    assert np.isfinite(blocks.scores([wild], [floor_um])).all()
+    assert (blocks.scores([wild], [floor_um]) > blocks.scores([np.ones(8)], [np.ones(8)])).all()
+
+
 def test_noise_at_its_floor_scores_what_is_expected_of_it():
     rng, blocks = np.random.default_rng(0), Blocks((32, 16))
     drawn = [[rng.normal(size=1600), rng.normal(size=3200)] for _ in range(200)]
