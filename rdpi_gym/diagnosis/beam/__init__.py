@@ -26,14 +26,13 @@
    could make it weigh more than the best one, and not after several that each took less than was left.
 5. A set's weight is that of pseudo-BMA+ under the same draws. The best set is held against those with one
    name less, the others then in richer forms too, a richer form, or a stage under another name until none
-   of them weighs more, and goes on where it then may. The probability of a set is its weight by
-   all values of a residual in five of nine draws, so that what is found by these alone is likely, and in
-   the others by the share of them that is independent in what the best set leaves, by record, 1 where that
-   is white; that of a name is of the sets that have
-   it. A name is *found*
-   from 90 % on and *likely* from 50, of it or a name that takes its weight; a name that a free block in its
-   place beats in the bootstrap, or that takes less of the score than its set leaves above the floor, is a
-   *stand-in* (``grades``): whatever leaves that may be its cause too.
+   of them weighs more, and goes on where it then may. The probability of a set is its weight by all
+   values of a residual in five of nine draws, so that what is found by these alone is likely, and in the
+   others by the share of them that is independent in what the best set leaves, by record, 1 where that is
+   white; that of a name is of the sets that have it. A name is *found* from 90 % on and *likely* from 50,
+   of it or a name that takes its weight; a name that a free block in its place beats in the bootstrap, or
+   that takes less of the score than its set leaves above the floor, is a *stand-in* (``grades``): whatever
+   leaves that may be its cause too.
 
 Every number that does not come from the data stands in ``constants.TABLE``.
 
