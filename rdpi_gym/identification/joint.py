@@ -29,7 +29,7 @@ _LEAST_MOTION = 1e-6  # of the gain that moves most: what moves less is not solv
 _STEP = 1e-3  # of a free number, for finite differences
 _LARGEST_FACTOR = math.log(4.0)
 _LARGEST_DAMPING = 1e6
-# Relative fall of the squares below which the first steps end.
+# Relative fall of the squares below which the first steps, and those of an experiment's numbers, end.
 _SMALL = 1e-4
 # Steps between two passes that take the derivatives by the weights anew.
 _LIGHT_PASSES = 4
@@ -610,6 +610,52 @@ def _tangents_of(variant: Variant[Any], free: Sequence[Free], at: _Pass, gains: 
         for own, change in zip(at.columns, at.changes, strict=True)
     ]
     return Tangents(rows, _moves(variant, free))
+
+
+def refit_experiment(
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    variant: Variant[Any],
+    passes: int,
+    samples: int | None = None,
+    held: frozenset[str] = frozenset(),
+) -> tuple[Variant[Any], Tangents]:
+    """Refit to all records the numbers of what goes by the clock, the plant held, and linearise there.
+
+    The rows have columns of these numbers alone.
+    """
+    core, effects, records = variant.hysteresis, variant.effects, (*train, *validation)
+    problem, best = _begun(records, core, effects, samples, held)
+    own = [n for n in problem.free if n.effect is not None and effects[n.effect].clocked]
+    kept = [*kept_samples(train, samples), *kept_samples(validation, samples)]
+    problem = replace(problem, free=own, kept=kept)
+    rows, damping, converged = problem.changes(best), 1e-3, False
+    cost = _squares(rows)
+    for _ in range(passes if own else 0):
+        gram = np.sum([each.T @ each for each in rows], axis=0)
+        size = np.sqrt(np.maximum(np.diag(gram)[:-1], 1e-300))
+        scaled = gram[:-1, :-1] / np.outer(size, size) + damping * np.eye(len(own))
+        trial = best
+        for number, step in zip(
+            own, np.linalg.solve(scaled, gram[:-1, -1] / size) / size, strict=True
+        ):
+            trial = number.write(trial, number.read(best) + number.bounded(float(step)))
+        there = problem.changes(trial)
+        fallen = cost - _squares(there)
+        if fallen > 0.0:
+            best, rows, cost, damping = trial, there, cost - fallen, max(damping / 10, 1e-9)
+            converged = fallen < _SMALL * cost
+        else:
+            damping *= 10
+            converged = damping > _LARGEST_DAMPING
+        if converged:
+            break
+    inside = np.array([any(number.ways(best)) for number in own], dtype=np.bool_)
+    return best, Tangents(rows, inside)
+
+
+def _squares(rows: Sequence[Array]) -> float:
+    return sum(float(each[:, -1] @ each[:, -1]) for each in rows)
 
 
 def tangents_near(

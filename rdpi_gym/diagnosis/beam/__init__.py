@@ -8,7 +8,7 @@
    fitted to what it is scored on: stretches of the records to fit are left out in turn by one
    Gauss-Newton step, the records to judge by are never fitted (``score``). Numbers that tell of the
    experiment and not of the plant, as offsets and all that goes by the clock do, go on into the records
-   to judge by: each stretch is predicted from the others. A record whose opening spoils the
+   to judge by: they are refitted to all records, and each stretch is predicted from the others. A record whose opening spoils the
    fit of the rest by more than its phantom does, as many samples at the end, and beside any initial
    memory, counts where its memory is known but for an offset: in stretches in which the command stays
    within the range that it has passed, each with its own offset (``openings``).
@@ -42,8 +42,7 @@ Limits
 - What goes by the clock beside other effects is followed by smooth curves of fourteen knots; a walk
   that is rougher leaves a few per cent above the floor, and further names are asked of it.
 - Time: longest where much is left that nothing takes, as each refitted set offers as many again. Long
-  records: ``python -m studies.one_law --part long``. The measured records (``--part measured``) were last
-  searched in an earlier state.
+  records: ``python -m studies.one_law --part long``.
 - A backlash with a compliant contact is no form: from seven starts between 0.002 and 0.2 of the stroke,
   looks and refits of the catalogue's end at the same 1.56 floors, as the plays take nearly all of it.
 - Preprocessing's findings forbid no name: a record that leads by a sample is moved alone, not those that

@@ -311,18 +311,18 @@ def _probabilities(course: Course) -> Probabilities:
 
 def _core(course: Course) -> CoreChoice:
     """Return the kind of the best set, and those that take the weight that it lacks to be found."""
-    weights: dict[str, float] = {}
+    probabilities: dict[str, float] = {}
     for one in course.scores.sets:
         name = one.model.core.name
-        weights[name] = weights.get(name, 0.0) + course.probabilities[one.key]
+        probabilities[name] = probabilities.get(name, 0.0) + course.probabilities[one.key]
     kind, clockwise = course.best.model.core.name, course.evidence.clockwise
-    if len(weights) == 1:
+    if len(probabilities) == 1:
         return CoreChoice(kind, clockwise=clockwise)
-    alike, held = list[str](), weights[kind]
-    for name in sorted(weights, key=lambda each: -weights[each]):
+    alike, held = list[str](), probabilities[kind]
+    for name in sorted(probabilities, key=lambda each: -probabilities[each]):
         if name != kind and held < FOUND:
             alike.append(name)
-            held += weights[name]
+            held += probabilities[name]
     advice = kind_experiment(CORES[kind], [CORES[name] for name in alike])
     text = None if advice is None else text_of(advice)
     return CoreChoice(kind, tuple(alike), min(held, 1.0), text, clockwise, advice)

@@ -30,6 +30,7 @@ from rdpi_gym.identification.joint import (
     free_numbers,
     kept_samples,
     or_none,
+    refit_experiment,
     tangents,
 )
 from rdpi_gym.identification.least_squares import BoolArray
@@ -174,30 +175,27 @@ def _judged(
 ) -> tuple[list[Array], Variant[Core], tuple[Clock, ...]]:
     """Return what a model that was fitted leaves of the records to judge by, the model there, clocks.
 
-    Its numbers of the experiment go on from the fit to these records, each stretch left out in turn; so
-    do the clock faults of these records alone.
+    Its numbers of the experiment are refitted to all records, and each stretch of those to judge by
+    is left out in turn; so do the clock faults of these records alone.
     """
     faults = np.array([evidence.only_judges(clock) for clock in clocks], dtype=np.bool_)
-    own = np.concatenate([of_experiment(variant) & at.moves, faults])
-    if not own.any():
+    moves = of_experiment(variant) & at.moves
+    if not moves.any() and not faults.any():
         return residuals(evidence.validation, variant, FIT_SAMPLES), variant, clocks
-    columns = np.flatnonzero(own)
-    rows = tangents(evidence.validation, variant, FIT_SAMPLES).rows
-    rows = _with_clocks(evidence.validation, rows, clocks, variant)
+    train, judged, count = evidence.train, evidence.validation, len(evidence.train)
+    variant, here = refit_experiment(train, judged, variant, PASSES, FIT_SAMPLES)
+    rows = [
+        *_with_clocks(train, here.rows[:count], clocks, variant),
+        *_with_clocks(judged, here.rows[count:], clocks, variant),
+    ]
+    columns = np.flatnonzero(np.concatenate([here.moves, faults]))
     pairs = [(each[:, columns], each[:, -1]) for each in rows]
-    fitted = columns[columns < len(at.moves)]
-    told = np.zeros((len(columns), len(columns)))
-    told[: len(fitted), : len(fitted)] = sum(x[:, fitted].T @ x[:, fitted] for x in at.rows)
-    free = free_numbers(variant.hysteresis, variant.effects, 1.0)
-    moved, found = variant, list(clocks)
+    found, told = list(clocks), np.zeros((len(columns), len(columns)))
     for column, step in zip(columns, further_step(pairs, told), strict=True):
-        if column < len(at.moves):
-            number = free[column - len(variant.hysteresis.gains)]
-            moved = number.write(moved, number.read(moved) + number.bounded(float(step)))
-        else:
-            clock = clocks[column - len(at.moves)]
-            found[column - len(at.moves)] = replace(clock, value=clock.value + float(step))
-    return within(pairs, told), moved, tuple(found)
+        if column >= len(here.moves):
+            clock = clocks[column - len(here.moves)]
+            found[column - len(here.moves)] = replace(clock, value=clock.value + float(step))
+    return within(pairs, told)[count:], variant, tuple(found)
 
 
 def _with_clocks(

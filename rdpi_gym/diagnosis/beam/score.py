@@ -19,8 +19,7 @@ from rdpi_gym.diagnosis.beam.constants import (
 from rdpi_gym.identification.least_squares import BoolArray
 from rdpi_gym.support.arrays import Array
 
-_LARGEST = 1e150
-"""Residual in floors that counts no larger: its square is within the floats."""
+_SMALLEST = 1e-150  # Squares of what is no smaller, and of its inverse, are within the floats
 
 
 def correlation_length(left: Array) -> float:
@@ -100,8 +99,10 @@ class Blocks:
     def ratios(self, lefts: Sequence[Array], floors_um: Sequence[Array]) -> Array:
         """Return the mean square of each block in units of the floor of each sample, ``(B,)``."""
         pairs = zip(lefts, floors_um, strict=True)
-        parts = (left / np.maximum(floor, 1e-150) for left, floor in pairs)
-        return self.mean_squares([np.clip(part, -_LARGEST, _LARGEST) for part in parts])
+        parts = (left / np.maximum(floor, _SMALLEST) for left, floor in pairs)
+        return self.mean_squares(
+            [np.clip(each, -1.0 / _SMALLEST, 1.0 / _SMALLEST) for each in parts]
+        )
 
 
 def squares(lefts: Iterable[Array]) -> float:

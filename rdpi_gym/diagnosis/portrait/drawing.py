@@ -11,7 +11,7 @@ import numpy as np
 from rdpi_gym.diagnosis.notices import statement
 from rdpi_gym.diagnosis.portrait import Kin, Portrait, Value, experiment_for, sentences_of
 from rdpi_gym.diagnosis.portrait.trials import SAMPLES, Tried, learn, shares, try_all
-from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess_refit
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import fit_joint
@@ -182,7 +182,8 @@ def draw(
     progress: Progress,
 ) -> Portrait | None:
     """Draw the portrait of what a model misses."""
-    base = assess(setting, "", fit_joint(setting.train, hysteresis, present, samples=SAMPLES))
+    fit = fit_joint(setting.train, hysteresis, present, samples=SAMPLES)
+    base = assess_refit(setting, "", fit)
     tried = try_all(setting, hysteresis, present, forms, progress)
     best = tried[0]
     before, after = (o.errors.validation_rmse_um for o in (base, best.outcome))

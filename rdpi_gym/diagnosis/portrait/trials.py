@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, assess_refit
 from rdpi_gym.identification.joint import fit_joint, or_none
 from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect, forms_of, in_chain_order
@@ -55,7 +55,7 @@ def learn(
         fit_joint(setting.train, core, effects, _PASSES, held=held, samples=SAMPLES)
         for core, effects in begun
     ]
-    return assess(setting, Unknown.name, min(fits, key=lambda fit: fit.train_rmse_um))
+    return assess_refit(setting, Unknown.name, min(fits, key=lambda fit: fit.train_rmse_um))
 
 
 def learn_forms(

@@ -35,7 +35,7 @@ from rdpi_gym.diagnosis.preprocessing import Finding, inspect
 from rdpi_gym.diagnosis.results import Candidate, Errors, Kind, SearchResult
 from rdpi_gym.diagnosis.search.conclusion import Ending, conclude, nearest_of, portrayed
 from rdpi_gym.diagnosis.search.plants import AUTO, OnCandidate, Refit, refit_of
-from rdpi_gym.diagnosis.search.setting import Setting, assess
+from rdpi_gym.diagnosis.search.setting import Setting, assess, assess_refit
 from rdpi_gym.diagnosis.suitability import falls, turned
 from rdpi_gym.diagnosis.words import in_words, template
 from rdpi_gym.identification.jacobian import Variant
@@ -450,5 +450,6 @@ class Inspection:
             raise InputError(
                 f"held: the model has no parameter {unknown[0]}; it has {', '.join(sorted(names))}"
             )
-        fit = fit_joint(self._setting.train, model.hysteresis, model.effects, held=frozenset(held))
-        return refit_of(self._setting, assess(self._setting, "", fit), model)
+        kept = frozenset(held)
+        fit = fit_joint(self._setting.train, model.hysteresis, model.effects, held=kept)
+        return refit_of(self._setting, assess_refit(self._setting, "", fit, kept), model)

@@ -13,7 +13,7 @@ import numpy as np
 from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES
 from rdpi_gym.diagnosis.notices import Code, Notice, statement
 from rdpi_gym.diagnosis.results import Errors
-from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess_refit
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import simulate_effects
 from rdpi_gym.identification.joint import FirstSteps, JointFit, first_steps, fit_joint, or_none
@@ -73,7 +73,7 @@ def _evened(setting: Setting, outcome: Outcome, noise_um: float) -> Outcome:
         smoothness=_SMOOTHNESS,
     )  # fmt: skip
     even = or_none(refit, variant.effects)
-    found = outcome if even is None else assess(setting, outcome.effect, even)
+    found = outcome if even is None else assess_refit(setting, outcome.effect, even)
     return found if found.mean_square < least else outcome
 
 
@@ -102,7 +102,7 @@ def _to_threshold_law(
 
     def found() -> Outcome:
         best = _best_law(setting, fit, given or _MOST_PLAYS, pool)
-        return assess(setting, "", best if given else _without_tail(best))
+        return assess_refit(setting, "", best if given else _without_tail(best))
 
     law = or_none(found)
     if law is None:

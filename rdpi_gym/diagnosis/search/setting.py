@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES
 from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.words import template
 from rdpi_gym.identification.jacobian import Variant
-from rdpi_gym.identification.joint import JointFit
+from rdpi_gym.identification.joint import JointFit, refit_experiment
 from rdpi_gym.identification.residuals import centred_residual, pieces_of, rms_over
 from rdpi_gym.measurement import Record
 from rdpi_gym.measurement.quantities import template_of
@@ -67,6 +68,15 @@ def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
     errors = Errors(train, validation, relative, by_record)
     forms = {effect.name: effect.form for effect in fit.variant.effects}
     return Outcome(name, fit, errors, pieces, form=forms.get(name, ""))
+
+
+def assess_refit(
+    setting: Setting, name: str, fit: JointFit, held: frozenset[str] = frozenset()
+) -> Outcome:
+    """Simulate a refit to the records to fit over all: what goes by the clock goes on into the others."""
+    parts = setting.train, setting.validation
+    variant, _ = refit_experiment(*parts, fit.variant, PASSES, FIT_SAMPLES, held)
+    return assess(setting, name, replace(fit, variant=variant))
 
 
 def of_effect(candidate: Candidate, fit: JointFit, name: str) -> Candidate:

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.independent import INDEPENDENT
 from rdpi_gym.diagnosis.beam.constants import LOOKED, TEMPERATURE
+from rdpi_gym.diagnosis.beam.ending import judged
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
 from rdpi_gym.diagnosis.beam.grades import names_of, takes_less
@@ -15,7 +16,9 @@ from rdpi_gym.diagnosis.beam.openings import without_unknown_past
 from rdpi_gym.diagnosis.beam.score import Blocks
 from rdpi_gym.diagnosis.beam.search import Beam, Scores, begun, searched
 from rdpi_gym.diagnosis.features.noise import measured_noise
+from rdpi_gym.diagnosis.search.setting import Setting, assess
 from rdpi_gym.identification.jacobian import Variant
+from rdpi_gym.identification.joint import fit_joint
 from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, P10, RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.pinched_stop import PinchedStop
@@ -75,6 +78,19 @@ def test_what_the_records_to_judge_by_alone_show_is_fitted_there():
         "steps-0 agreed with the model to the noise and steps-1 did not: the model is fitted to steps-1 "
         "and validated on steps-0."
     )
+
+
+def test_a_drift_that_went_otherwise_where_it_is_judged_is_refitted_to_both():
+    drift = CATALOGUE["thermal_drift"]
+    hidden = drift(rate_um_s=0.02, time_constant_s=50.0), drift(rate_um_s=1.0, time_constant_s=1.0)
+    records = [_records(replace(P10, effects=(each,)))[k] for k, each in enumerate(hidden)]
+    evidence = Evidence.of(Dataset("two experiments", tuple(records)))
+    one = refitted(evidence, Model(begun(evidence).model.core, (hidden[0],)))
+    fit = fit_joint(evidence.train, one.model.core, (hidden[0],))
+    bare = assess(Setting(evidence.train, evidence.validation, evidence.scale), "", fit).errors
+    errors = judged(evidence, one).errors
+    assert max(errors.train_rmse_um, errors.validation_rmse_um) < 0.6 * bare.validation_rmse_um
+    assert errors.validation_rmse_um < np.sqrt(np.mean(one.lefts[1] ** 2))
 
 
 @pytest.mark.slow
