@@ -234,8 +234,8 @@ def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
 
 @pytest.mark.slow
 def test_adding_an_effect_that_is_not_earned_is_said(lagging):
-    found = add_effect(laboratory_data([]), FEW["gain_drift"], P10)
-    assert [c.effect for c in found.added] == ["gain_drift"]
+    found = add_effect(laboratory_data([]), FEW["asymmetry"], P10)
+    assert [c.effect for c in found.added] == ["asymmetry"]
     assert "do not earn it" in found.notes[0]
     assert "which does not improve held-out error" in found.headline
     with pytest.raises(InputError, match="already"):

@@ -26,7 +26,7 @@ from rdpi_gym.diagnosis.results import (
 )
 from rdpi_gym.diagnosis.search.conclusion import Ending, as_it_is
 from rdpi_gym.diagnosis.search.plants import in_few_numbers, kind_experiment
-from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess, evidence_of, of_effect
+from rdpi_gym.diagnosis.search.setting import Outcome, Setting, assess_refit, evidence_of, of_effect
 from rdpi_gym.diagnosis.search.verdict import numerical_floor
 from rdpi_gym.diagnosis.suitability import close_up, limits, unrelated
 from rdpi_gym.diagnosis.words import template, text_of
@@ -143,7 +143,9 @@ def ended(
     clocks = best.model.clocks
     whole, searched = course.whole, _setting(evidence.mended(clocks))
     noise_um, origin = whole.floor(best.lefts)
-    law, said = in_few_numbers(searched, assess(searched, "", best.fit), given, noise_um, pool)
+    law, said = in_few_numbers(
+        searched, assess_refit(searched, "", best.fit), given, noise_um, pool
+    )
     if evidence.reads_fewer is not None:
         variant = law.fit.variant
         full = refitted(whole, Model(variant.hysteresis, variant.effects, clocks))
@@ -199,7 +201,7 @@ def ended(
 
 def judged(evidence: Evidence, one: Visited, name: str = "") -> Outcome:
     """Simulate a set on all records, their clocks as it has them."""
-    return assess(_setting(evidence.mended(one.model.clocks)), name, one.fit)
+    return assess_refit(_setting(evidence.mended(one.model.clocks)), name, one.fit)
 
 
 def _setting(evidence: Evidence) -> Setting:

@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, PASSES
+from rdpi_gym.diagnosis.beam.constants import PASSES
+from rdpi_gym.diagnosis.beam.score import within
 from rdpi_gym.diagnosis.results import Candidate, Errors
 from rdpi_gym.diagnosis.words import template
-from rdpi_gym.identification.jacobian import Variant
 from rdpi_gym.identification.joint import JointFit, refit_experiment
 from rdpi_gym.identification.residuals import centred_residual, pieces_of, rms_over
 from rdpi_gym.measurement import Record
 from rdpi_gym.measurement.quantities import template_of
-from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects.base import DataScale, Effect
 from rdpi_gym.support.arrays import Array
 
@@ -59,24 +58,40 @@ class Setting:
 
 
 def assess(setting: Setting, name: str, fit: JointFit) -> Outcome:
-    """Simulate a refit over all records."""
-    by_record: dict[str, float] = {}
-    train, _ = _squares(fit.variant, setting.train, by_record)
-    validation, pieces = _squares(fit.variant, setting.validation, by_record)
-    spread = max(float(np.ptp(r.y_um[r.error_mask])) for r in setting.validation)
-    relative = 100.0 * validation / spread if spread > 0.0 else math.inf
-    errors = Errors(train, validation, relative, by_record)
-    forms = {effect.name: effect.form for effect in fit.variant.effects}
-    return Outcome(name, fit, errors, pieces, form=forms.get(name, ""))
+    """Simulate a model as it is over all records."""
+    every = (*setting.train, *setting.validation)
+    return _outcome(setting, name, fit, [centred_residual(fit.variant, r) for r in every])
 
 
 def assess_refit(
     setting: Setting, name: str, fit: JointFit, held: frozenset[str] = frozenset()
 ) -> Outcome:
-    """Simulate a refit to the records to fit over all: what goes by the clock goes on into the others."""
-    parts = setting.train, setting.validation
-    variant, _ = refit_experiment(*parts, fit.variant, PASSES, FIT_SAMPLES, held)
-    return assess(setting, name, replace(fit, variant=variant))
+    """Simulate a refit to the records to fit over all.
+
+    What goes by the clock is refitted to all records, and each stretch of those to judge by is predicted
+    from the others.
+    """
+    if not any(effect.clocked for effect in fit.variant.effects):
+        return assess(setting, name, fit)
+    parts, count = (setting.train, setting.validation), len(setting.train)
+    variant, at = refit_experiment(*parts, fit.variant, PASSES, held=held)
+    pairs = [(rows[:, :-1][:, at.moves], rows[:, -1]) for rows in at.rows]
+    judged = within(pairs, np.zeros((np.count_nonzero(at.moves),) * 2))[count:]
+    lefts = [*(left for _, left in pairs[:count]), *judged]
+    return _outcome(setting, name, replace(fit, variant=variant), lefts)
+
+
+def _outcome(setting: Setting, name: str, fit: JointFit, lefts: Sequence[Array]) -> Outcome:
+    """Return a model with its errors, by what it leaves of each record (µm)."""
+    by_record: dict[str, float] = {}
+    count = len(setting.train)
+    train = _error(lefts[:count], setting.train, by_record)
+    validation = _error(lefts[count:], setting.validation, by_record)
+    spread = max(float(np.ptp(r.y_um[r.error_mask])) for r in setting.validation)
+    relative = 100.0 * validation / spread if spread > 0.0 else math.inf
+    errors = Errors(train, validation, relative, by_record)
+    forms = {effect.name: effect.form for effect in fit.variant.effects}
+    return Outcome(name, fit, errors, pieces_of(lefts[count:]), form=forms.get(name, ""))
 
 
 def of_effect(candidate: Candidate, fit: JointFit, name: str) -> Candidate:
@@ -103,14 +118,12 @@ def evidence_of(before: Errors, after: Errors, signature: str) -> str:
     return template("evidence", record=most, signature=template_of(signature))
 
 
-def _squares(
-    variant: Variant[Core], records: Sequence[Record], by_record: dict[str, float]
-) -> tuple[float, Array]:
-    lefts = [centred_residual(variant, record) for record in records]
+def _error(lefts: Sequence[Array], records: Sequence[Record], by_record: dict[str, float]) -> float:
+    """Return the error over records (µm rms), and write down that of each."""
     for record, left in zip(records, lefts, strict=True):
         label = record.name
         while label in by_record:  # the held-out part of a record that is also fitted
             label += " (held out)"
         by_record[label] = math.sqrt(float((left**2).mean()))
     errors = list(by_record.values())[-len(lefts) :]
-    return rms_over(errors, [left.size for left in lefts]), pieces_of(lefts)
+    return rms_over(errors, [left.size for left in lefts])
