@@ -234,9 +234,11 @@ def test_a_checkpoint_that_is_a_folder_is_named(lagging, tmp_path):
 
 @pytest.mark.slow
 def test_adding_an_effect_that_is_not_earned_is_said(lagging):
-    found = add_effect(laboratory_data([]), FEW["asymmetry"], P10)
-    assert [c.effect for c in found.added] == ["asymmetry"]
-    assert "do not earn it" in found.notes[0]
+    bare = laboratory_data([])
+    for name in ("gain_drift", "asymmetry"):
+        found = add_effect(bare, FEW[name], P10)
+        assert [c.effect for c in found.added] == [name]
+        assert "do not earn it" in found.notes[0]
     assert "which does not improve held-out error" in found.headline
     with pytest.raises(InputError, match="already"):
         add_effect(lagging, FEW["sensor_lag"], replace(P10, effects=(SensorLag(),)))

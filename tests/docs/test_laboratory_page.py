@@ -142,3 +142,47 @@ def test_the_calibration_is_that_of_its_table():
     flowing = " ".join(PAGE.split())
     assert f"is hidden on {held['second study']} % of the plants" in flowing
     assert f"and on {held['third study']} % of the third's" in flowing
+
+
+def table_of(name):
+    """A table of the search on drawn, long or measured records, by its first column."""
+    return pd.read_csv(ROOT / "studies/results/one_law" / f"{name}.csv", dtype=str)
+
+
+def test_the_figures_on_measured_records_are_those_of_their_table():
+    rows = table_of("measured").set_index("records")
+    flowing = " ".join(PAGE.split("**Measured records**")[1].split("###")[0].split())
+    first, given, *others = re.findall(r"[\d.]+", rows.loc["picma", "error over the splits"])
+    stated = f"{first}, {', '.join(others[:-1])} and {others[-1]} µm are left"
+    assert stated in flowing
+    assert f"its effects leave {given} µm" in flowing
+    seconds = sorted(map(int, rows.loc["picma", "processor s"].split()))
+    assert f"after {seconds[0]} to {seconds[-1]} s" in flowing
+    assert f"{rows.loc['friction_damper', 'of peak to peak %']} % of the peak to peak" in flowing
+    explained = rows["test records explained %"]
+    for name, text in (("friction_damper", "of two earthquakes are"), ("mr_damper", "are")):
+        assert f"{' and '.join(explained[name].split())} % {text} explained" in flowing
+    neighbours = ("mr_damper", "pneumatic_friction", "ferroelectric_forc")
+    ratios = [float(rows.loc[n, "error"]) / float(rows.loc[n, "by hand"]) for n in neighbours]
+    assert "the error is {:.2f}, {:.2f} and {:.2f} times".format(*ratios) in flowing
+
+
+def test_the_times_on_long_records_are_those_of_their_table():
+    flowing = " ".join(PAGE.split())
+    rows = table_of("long").set_index(["name", "samples"])["processor s"].astype(float)
+    assert f"on 100,000 samples take {rows['two effects', '100000']:.0f} s" in flowing
+    assert f"a million {rows['two effects', '1000000']:.0f} s" in flowing
+    assert f"100,000 at their floor {rows['at its floor', '100000']:.1f} s" in flowing
+
+
+def test_the_figures_on_forty_plants_are_those_of_their_table():
+    text = (ROOT / "studies/results/one_law/one_law.md").read_text(encoding="utf-8")
+    cells = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines()]
+    heads = next(line for line in cells if line[0] == "stratum")
+    every = dict(zip(heads, next(line for line in cells if line[0] == "all"), strict=True))
+    flowing = " ".join(PAGE.split())
+    right = (
+        f"exactly right {every['exact, beam']} % (before: {float(every['exact, before']):.0f} %)"
+    )
+    assert right in flowing
+    assert f"in a median of {every['time ratio']} times the processor time" in flowing
