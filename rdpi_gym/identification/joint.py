@@ -90,6 +90,10 @@ class Free:
         """Return the step that one pass may take: a logarithm moves by a factor of 4 at most."""
         return min(max(step, -_LARGEST_FACTOR), _LARGEST_FACTOR) if self.logarithmic else step
 
+    def is_by_clock(self, variant: Variant[Any]) -> bool:
+        """Whether it tells of the experiment and not of the plant."""
+        return self.effect is not None and variant.effects[self.effect].clocked
+
     def at_bound(self, variant: Variant[Any]) -> bool:
         """Whether a variant stands at a bound; the value at which the effect vanishes is none."""
         here = self.read(variant)
@@ -263,6 +267,12 @@ class _Problem:
         gain_steps = self.gain_sizes * (_GAIN_STEP * variant.hysteresis.A)
         lanes = Neighbours(variant, *self.neighbours(variant), gain_steps)
         return self._by_record(lanes.derivatives, variant)
+
+    def with_best_gains(self, variant: Variant[Any]) -> tuple[Variant[Any], _Pass]:
+        """Return a variant with its best gains, and a pass there: derivatives by these are of before."""
+        here = self.whole_pass(variant)
+        best = _with_gains(variant, here.gains)
+        return best, self.light_pass(best, here)
 
     def light_pass(self, variant: Variant[Any], last: _Pass) -> _Pass:
         """Derivatives by the free numbers; those by the weights are of another place near by."""
@@ -446,9 +456,7 @@ def _refitted(
 ) -> tuple[JointFit, _Pass, Array, Sequence[Free]]:
     """Return the refit, its last pass, the gains of that pass's place, and the free numbers."""
     problem, best = _begun(records, start, effects, samples, held, smoothness)
-    here = problem.whole_pass(best)
-    best = _with_gains(best, here.gains)
-    here = problem.light_pass(best, here)
+    best, here = problem.with_best_gains(best)
     cost = here.least
     used, damping, moves, converged = 2, 1e-3, 0, False
     while used < passes and not converged:
@@ -462,9 +470,9 @@ def _refitted(
             best, here, cost, moves = trial, there, trial_cost, moves + 1
             damping = max(damping / 10, 1e-9)
         if stale and (small or moves > _LIGHT_PASSES):
-            best = _with_gains(best, here.gains)
-            here, moves = problem.whole_pass(best), 0
-            cost = here.least
+            # simulated: behind a nonlinear stage the squares that gains promise are none that a step finds
+            best, here = problem.with_best_gains(_with_gains(best, here.gains))
+            cost, moves = here.least, 0
         elif better:
             converged = small
         else:
@@ -626,7 +634,7 @@ def refit_experiment(
     """
     core, effects, records = variant.hysteresis, variant.effects, (*train, *validation)
     problem, best = _begun(records, core, effects, samples, held)
-    own = [n for n in problem.free if n.effect is not None and effects[n.effect].clocked]
+    own = [number for number in problem.free if number.is_by_clock(variant)]
     kept = [*kept_samples(train, samples), *kept_samples(validation, samples)]
     problem = replace(problem, free=own, kept=kept)
     rows, damping, converged = problem.changes(best), 1e-3, False

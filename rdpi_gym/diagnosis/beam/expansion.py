@@ -186,9 +186,17 @@ def dropped(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
 
 
 def in_other_forms(evidence: Evidence, of: Visited, pool: Pool) -> list[Visited]:
-    """Return the sets with one effect in the richer form that a look gains most with."""
+    """Return the sets with one effect in the richer form that a look gains most with.
+
+    A form with a cusp is begun anew about its place, which the other effects may have moved.
+    """
     place = Place(evidence.mended(of.model.clocks), of.model)
-    return _expanded(evidence, _in_richer_forms(evidence, of, place), pool)
+    anew = [
+        Asked(of, place.without(effect.name), [(effect,)], place)
+        for effect in _free(evidence, of.model)
+        if effect.kinked
+    ]
+    return _expanded(evidence, [*_in_richer_forms(evidence, of, place), *anew], pool)
 
 
 def _in_richer_forms(evidence: Evidence, of: Visited, place: Place) -> list[Asked]:

@@ -166,7 +166,7 @@ def of_experiment(variant: Variant[Core]) -> BoolArray:
     What goes by the clock does: no record tells how it went in another one.
     """
     free = free_numbers(variant.hysteresis, variant.effects, 1.0)
-    by_clock = [n.effect is not None and variant.effects[n.effect].clocked for n in free]
+    by_clock = [number.is_by_clock(variant) for number in free]
     return np.array([False] * len(variant.hysteresis.gains) + by_clock, dtype=np.bool_)
 
 
@@ -190,12 +190,12 @@ def _judged(
     ]
     columns = np.flatnonzero(np.concatenate([here.moves, faults]))
     pairs = [(each[:, columns], each[:, -1]) for each in rows]
-    found, told = list(clocks), np.zeros((len(columns), len(columns)))
-    for column, step in zip(columns, further_step(pairs, told), strict=True):
+    found = list(clocks)
+    for column, step in zip(columns, further_step(pairs), strict=True):
         if column >= len(here.moves):
             clock = clocks[column - len(here.moves)]
             found[column - len(here.moves)] = replace(clock, value=clock.value + float(step))
-    return within(pairs, told)[count:], variant, tuple(found)
+    return within(pairs)[count:], variant, tuple(found)
 
 
 def _with_clocks(

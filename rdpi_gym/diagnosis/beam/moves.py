@@ -39,9 +39,10 @@ from rdpi_gym.diagnosis.beam.score import (
 )
 from rdpi_gym.diagnosis.beam.signatures import Foresight, Promise, Signature, signatures
 from rdpi_gym.identification.cores import first_fit
-from rdpi_gym.identification.jacobian import simulate_effects
+from rdpi_gym.identification.jacobian import Variant, simulate_effects
 from rdpi_gym.identification.joint import (
     FirstSteps,
+    JointFit,
     Tangents,
     caught_with,
     first_steps,
@@ -52,6 +53,7 @@ from rdpi_gym.identification.joint import (
     tangents_near,
 )
 from rdpi_gym.measurement import Record
+from rdpi_gym.plant.cores.base import Core
 from rdpi_gym.plant.effects import forms_of
 from rdpi_gym.plant.effects.base import DataScale, Effect, in_chain_order
 from rdpi_gym.plant.effects.unknown import Unknown, WithTwoMemories
@@ -103,11 +105,11 @@ class Place:
             near=self.begun,
         )  # fmt: skip
 
-    def _refit(self, effects: Sequence[Effect]) -> FirstSteps:
-        """Refit with derivatives by the weights of its own, which are linearised where it ends."""
-        train, core = self.evidence.train, self.model.core
-        fit = fit_joint(train, core, effects, PASSES, samples=RACE_SAMPLES).variant
-        return first_steps(train, fit.hysteresis, fit.effects, 0, samples=RACE_SAMPLES)
+    def _refit(self, begun: Variant[Core], held: str = "") -> JointFit:
+        """Refit with derivatives by the weights of its own, but for one number that is held."""
+        numbers = frozenset({held} - {""})
+        core, effects, train = begun.hysteresis, begun.effects, self.evidence.train
+        return fit_joint(train, core, effects, PASSES, held=numbers, samples=RACE_SAMPLES)
 
     @cached_property
     def foresight(self) -> Foresight:
@@ -139,34 +141,41 @@ class Place:
         return or_none(partial(self._look_at, starts), (*self.model.effects, *starts))
 
     def _look_at(self, starts: Starts) -> Look | None:
+        names = tuple(start.name for start in starts)
+        begun = Variant(self.model.core, in_chain_order([*self.model.effects, *starts]))
         if len(starts) == 1 and starts[0].kinked:
-            starts = (self._along_cusp(starts[0]),)
-        fit = self._tried(starts, RACE_STEPS)
-        return None if fit is None else self._seen(fit, tuple(start.name for start in starts))
+            begun = self._across_cusps(begun, starts[0])
+        if any(start.kinked or start.stands_still for start in starts):
+            end = self._refit(begun).variant
+            train, core, effects = self.evidence.train, end.hysteresis, end.effects
+            fit = first_steps(train, core, effects, 0, samples=RACE_SAMPLES)
+        else:
+            fit = self._steps(begun.effects, RACE_STEPS)
+        return self._seen(fit, names) if math.isfinite(fit.train_rmse_um) else None
 
-    def _tried(self, starts: Starts, steps: int) -> FirstSteps | None:
-        every = in_chain_order([*self.model.effects, *starts])
-        still = any(start.stands_still for start in starts)
-        make = partial(self._refit, every) if still else partial(self._steps, every, steps)
-        fit = or_none(make, every)
-        return fit if fit is not None and math.isfinite(fit.train_rmse_um) else None
+    def _across_cusps(self, begun: Variant[Core], start: Effect) -> Variant[Core]:
+        """Refit all other numbers at places about a start, then closer about the best, and return that.
 
-    def _along_cusp(self, start: Effect) -> Effect:
-        """Halve the interval around a start: no gradient leads into a cusp."""
-        name = str(start.kinked)
-        places = sorted(
-            math.log(each.values[name]) for each in type(start).starts(self.evidence.scale)
-        )
-        apart = min(np.diff(places), default=0.0)
-        best, least = start, self._tried((start,), 0)
-        for _ in range(ROUNDS):
-            apart *= 0.5
-            for factor in (math.exp(-apart), math.exp(apart)):
-                near = type(best).within_bounds(**best.values | {name: factor * start.values[name]})
-                fit = self._tried((near,), 0)
-                if fit is not None and (least is None or fit.train_rmse_um < least.train_rmse_um):
-                    best, least = near, fit
-            start = best
+        No gradient leads across a cusp, and the others follow the number that is wrong. Where the best
+        place is the last one, it goes on from there.
+        """
+        name, here, parts = str(start.kinked), begun.effects.index(start), 2**ROUNDS
+        every = type(start).starts(self.evidence.scale)
+        places = sorted(math.log(each.values[name]) for each in every)
+        apart, best, least_um = min(np.diff(places), default=0.0), begun, math.inf
+        for step in (apart / parts, apart / parts**2):
+            is_last = True
+            while is_last:
+                middle, is_last = best.effects[here].values[name], False
+                for part in range(-parts, parts + 1):
+                    value = middle * math.exp(part * step)
+                    near = type(start).within_bounds(**start.values | {name: value})
+                    effects = (*begun.effects[:here], near, *begun.effects[here + 1 :])
+                    place = Variant(begun.hysteresis, effects)
+                    fit = or_none(partial(self._refit, place, f"{start.name}.{name}"), effects)
+                    if fit is not None and fit.train_rmse_um < least_um:
+                        best, least_um = fit.variant, fit.train_rmse_um
+                        is_last = abs(part) == parts
         return best
 
     @cached_property
@@ -330,7 +339,7 @@ class Place:
         moves, judges = np.append(self._linear[0].moves, True), evidence.only_judges(start)
         own = np.append(of_experiment(variant), judges)
         alone = [(each[:, -2:-1], each[:, -1]) for each in both[1]]
-        step = further_step(alone, np.zeros((1, 1))) if judges else whole_step(both[0], moves)
+        step = further_step(alone) if judges else whole_step(both[0], moves)
         if step[-1] == 0.0:
             return None
         clock = replace(start, value=start.value + float(step[-1]))

@@ -155,7 +155,7 @@ def gone_on(rows: Sequence[Array], own: BoolArray, validation: Sequence[Array]) 
     return within([(each[:, local], each[:, -1]) for each in validation], told)
 
 
-def within(pairs: Sequence[tuple[Array, Array]], told: Array) -> list[Array]:
+def within(pairs: Sequence[tuple[Array, Array]], told: Array | float = 0.0) -> list[Array]:
     """Return what is left of stretches of records after a step of some numbers to all other stretches.
 
     Parameters
@@ -163,9 +163,9 @@ def within(pairs: Sequence[tuple[Array, Array]], told: Array) -> list[Array]:
     pairs
         By record, derivatives by these numbers, ``(N, Q)``, and the residual.
     told
-        Products of their derivatives on records that they were fitted to, ``(Q, Q)``.
+        Products of their derivatives on other records that they were fitted to, ``(Q, Q)``.
     """
-    if not told.size:
+    if not any(x.size for x, _ in pairs):
         return [left for _, left in pairs]
     gram = told + np.sum([x.T @ x for x, _ in pairs], axis=0)
     pull = np.sum([x.T @ left for x, left in pairs], axis=0)
@@ -173,9 +173,9 @@ def within(pairs: Sequence[tuple[Array, Array]], told: Array) -> list[Array]:
     return [_left_out(x, left, gram + ridge, pull) for x, left in pairs]
 
 
-def further_step(pairs: Sequence[tuple[Array, Array]], told: Array) -> Array:
-    """Return the step of the same numbers to all stretches."""
-    gram = told + np.sum([x.T @ x for x, _ in pairs], axis=0)
+def further_step(pairs: Sequence[tuple[Array, Array]]) -> Array:
+    """Return the step of some numbers to all stretches, as :func:`within` has these."""
+    gram = np.sum([x.T @ x for x, _ in pairs], axis=0)
     pull = np.sum([x.T @ left for x, left in pairs], axis=0)
     return _solved(gram + np.diag(RIDGE * np.diag(gram) + 1e-300), pull)
 

@@ -76,7 +76,7 @@ def assess_refit(
     parts, count = (setting.train, setting.validation), len(setting.train)
     variant, at = refit_experiment(*parts, fit.variant, PASSES, held=held)
     pairs = [(rows[:, :-1][:, at.moves], rows[:, -1]) for rows in at.rows]
-    judged = within(pairs, np.zeros((np.count_nonzero(at.moves),) * 2))[count:]
+    judged = within(pairs)[count:]
     lefts = [*(left for _, left in pairs[:count]), *judged]
     return _outcome(setting, name, replace(fit, variant=variant), lefts)
 

@@ -365,7 +365,7 @@ class Effect(ABC):
 
     @property
     def slow_lag_s(self) -> float | None:
-        """Lag behind a slow ramp of a linear stage with a gain of one (s); None of other stages."""
+        """Lag behind a slow ramp of a stage that follows it with a gain of one (s); None of other stages."""
         return None
 
     def elements(self) -> tuple[Sequence[float], Sequence[float]]:

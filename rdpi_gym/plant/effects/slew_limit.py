@@ -276,6 +276,11 @@ class Charging(_UnlikeLimits, of=SlewLimit):
             for samples in (1.0, 4.0)
         )  # fmt: skip
 
+    @property
+    def slow_lag_s(self) -> float:
+        """The time constant: below its limits the current charges the stack linearly."""
+        return self.time_constant_s
+
     def coefficients(self, ts_s: float, hysteresis: Core) -> list[float]:
         """Largest steps of one sample up and down (V), time constant (samples)."""
         return [*super().coefficients(ts_s, hysteresis), self.time_constant_s / ts_s]

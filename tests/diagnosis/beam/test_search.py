@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.effect_discovery.cases import Case
 from benchmarks.effect_discovery.independent import INDEPENDENT
-from rdpi_gym.diagnosis.beam.constants import LOOKED, TEMPERATURE
+from rdpi_gym.diagnosis.beam.constants import FIT_SAMPLES, LOOKED, TEMPERATURE
 from rdpi_gym.diagnosis.beam.ending import judged
 from rdpi_gym.diagnosis.beam.evidence import Clock, Evidence, Offer, joined
 from rdpi_gym.diagnosis.beam.expansion import offered
@@ -23,6 +23,7 @@ from rdpi_gym.measurement import Dataset, Record
 from rdpi_gym.plant import CORES, P10, RDPI, Plant, PlantModel
 from rdpi_gym.plant.cores.pinched_stop import PinchedStop
 from rdpi_gym.plant.effects import CATALOGUE, forms_of
+from rdpi_gym.plant.effects.base import in_chain_order
 from rdpi_gym.support.errors import InputError
 from tests.looping import over
 
@@ -139,6 +140,38 @@ def test_a_mode_between_two_starts_promises_most():
     base = begun(evidence)
     (first,), *_ = Place(evidence, base.model, offered(evidence, base)).additions()
     assert first.name == "resonance"
+
+
+def _first_study(study, *effects, number=0):
+    """Records of a plant of the first study, and the effects that are hidden in it."""
+    prepared = INDEPENDENT.prepare(Case(study, effects, number, 0, "plain"))
+    hidden = [{**each} for each in prepared.truth["hidden"]]
+    kinds = [CATALOGUE[each.pop("effect")] for each in hidden]
+    pairs = zip(kinds, hidden, strict=True)
+    found = in_chain_order([kind.within_bounds(**own) for kind, own in pairs])
+    return Evidence.of(prepared.dataset), found
+
+
+def test_a_refit_goes_on_where_gains_act_through_a_bend():
+    """It compares squares that were simulated: those that the best gains promise no step reached."""
+    evidence, hidden = _first_study("pairs", "resonance", "asymmetry")
+    core = RDPI.comb(evidence.scale)
+    fit = fit_joint(evidence.train, core, hidden, 15, samples=FIT_SAMPLES)
+    assert fit.train_rmse_um == pytest.approx(0.0147, rel=0.05)
+    assert [e.name for e in fit.variant.effects] == ["asymmetry", "resonance"]
+
+
+def test_a_slew_limit_is_looked_at_across_the_valleys_about_its_start():
+    """From 17 % above, where every number follows a wrong limit, as from its own place."""
+    evidence, (limit,) = _first_study("single", "slew_limit", number=5)
+    place = Place(evidence, begun(evidence).model)
+    far = replace(limit, rate_V_s=1.17 * limit.rate_V_s)
+    look = place.look_at((far,))
+    assert look.model.effects[0].rate_V_s == pytest.approx(limit.rate_V_s, rel=1e-3)
+    left_um = np.sqrt(np.mean(np.concatenate(look.lefts) ** 2))
+    assert left_um == pytest.approx(evidence.floor_um(look.lefts), rel=0.2)
+    alone = fit_joint(evidence.train, place.model.core, (far,), samples=FIT_SAMPLES)
+    assert alone.train_rmse_um > 5.0 * left_um  # no gradient leads there
 
 
 def test_noise_at_the_floor_of_many_blocks_pays_for_no_effect():
@@ -368,13 +401,14 @@ def test_the_stage_of_a_lag_is_tried_before_the_plays_with_its_numbers(crept):
     assert {type(e) for e in further} == {*CATALOGUE["actuator_lag"].forms, *delays}
 
 
-@over("name", ["resonance", "delay"])
-def test_the_lag_of_a_linear_stage_is_tried_as_every_stage_of_one_time(crept, name):
-    stage, scale = CATALOGUE[name](), Evidence.of(crept).scale
+@over("kind", [CATALOGUE["resonance"], CATALOGUE["delay"], *forms_of(CATALOGUE["slew_limit"])[2:]])
+def test_the_lag_of_a_stage_is_tried_as_every_stage_of_one_time(crept, kind):
+    """So is that of an amplifier whose current is limited: no slow ramp shows the limit."""
+    stage, scale = kind(), Evidence.of(crept).scale
     ramp = np.arange(4000) * 1e-5
     assert ramp[-1] - stage.run(ramp, 1e-5)[-1] == pytest.approx(stage.slow_lag_s, rel=0.05)
     placed = [m.effects[0] for m in exchanged(Model(P10.hysteresis, (stage,)), scale, Offer())]
-    others = {"actuator_lag", "sensor_lag", "delay"} - {name}
+    others = {"actuator_lag", "sensor_lag", "delay"} - {kind.name}
     kinds = {form for other in others for form in forms_of(CATALOGUE[other])}
     assert {type(each) for each in placed} == kinds
     simplest = [each for each in placed if not each.form]
