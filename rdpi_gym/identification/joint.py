@@ -268,9 +268,8 @@ class _Problem:
         lanes = Neighbours(variant, *self.neighbours(variant), gain_steps)
         return self._by_record(lanes.derivatives, variant)
 
-    def with_best_gains(self, variant: Variant[Any]) -> tuple[Variant[Any], _Pass]:
-        """Return a variant with its best gains, and a pass there: derivatives by these are of before."""
-        here = self.whole_pass(variant)
+    def with_best_gains(self, variant: Variant[Any], here: _Pass) -> tuple[Variant[Any], _Pass]:
+        """Return a variant with the best gains of its pass, and a light pass there."""
         best = _with_gains(variant, here.gains)
         return best, self.light_pass(best, here)
 
@@ -456,7 +455,7 @@ def _refitted(
 ) -> tuple[JointFit, _Pass, Array, Sequence[Free]]:
     """Return the refit, its last pass, the gains of that pass's place, and the free numbers."""
     problem, best = _begun(records, start, effects, samples, held, smoothness)
-    best, here = problem.with_best_gains(best)
+    best, here = problem.with_best_gains(best, problem.whole_pass(best))
     cost = here.least
     used, damping, moves, converged = 2, 1e-3, 0, False
     while used < passes and not converged:
@@ -471,7 +470,8 @@ def _refitted(
             damping = max(damping / 10, 1e-9)
         if stale and (small or moves > _LIGHT_PASSES):
             # simulated: behind a nonlinear stage the squares that gains promise are none that a step finds
-            best, here = problem.with_best_gains(_with_gains(best, here.gains))
+            best = _with_gains(best, here.gains)
+            best, here = problem.with_best_gains(best, problem.whole_pass(best))
             cost, moves = here.least, 0
         elif better:
             converged = small
@@ -553,8 +553,7 @@ def first_steps(
         if near is None
         else problem.changes_at(best, near.columns, near.squares)
     )
-    best = _with_gains(best, here.gains)
-    here = problem.light_pass(best, here)
+    best, here = problem.with_best_gains(best, here)
     cost, damping, tried = here.least, 1e-3, 0
     while tried < steps:
         trial = problem.stepped(best, here, damping)

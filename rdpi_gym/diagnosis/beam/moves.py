@@ -105,11 +105,10 @@ class Place:
             near=self.begun,
         )  # fmt: skip
 
-    def _refit(self, begun: Variant[Core], held: str = "") -> JointFit:
-        """Refit with derivatives by the weights of its own, but for one number that is held."""
-        numbers = frozenset({held} - {""})
+    def _refit(self, begun: Variant[Core], held: frozenset[str] = frozenset()) -> JointFit:
+        """Refit with derivatives by the weights of its own, but for numbers that are held."""
         core, effects, train = begun.hysteresis, begun.effects, self.evidence.train
-        return fit_joint(train, core, effects, PASSES, held=numbers, samples=RACE_SAMPLES)
+        return fit_joint(train, core, effects, PASSES, held=held, samples=RACE_SAMPLES)
 
     @cached_property
     def foresight(self) -> Foresight:
@@ -159,24 +158,34 @@ class Place:
         No gradient leads across a cusp, and the others follow the number that is wrong. Where the best
         place is the last one, it goes on from there.
         """
-        name, here, parts = str(start.kinked), begun.effects.index(start), 2**ROUNDS
-        every = type(start).starts(self.evidence.scale)
-        places = sorted(math.log(each.values[name]) for each in every)
-        apart, best, least_um = min(np.diff(places), default=0.0), begun, math.inf
-        for step in (apart / parts, apart / parts**2):
-            is_last = True
-            while is_last:
-                middle, is_last = best.effects[here].values[name], False
-                for part in range(-parts, parts + 1):
-                    value = middle * math.exp(part * step)
-                    near = type(start).within_bounds(**start.values | {name: value})
-                    effects = (*begun.effects[:here], near, *begun.effects[here + 1 :])
-                    place = Variant(begun.hysteresis, effects)
-                    fit = or_none(partial(self._refit, place, f"{start.name}.{name}"), effects)
-                    if fit is not None and fit.train_rmse_um < least_um:
-                        best, least_um = fit.variant, fit.train_rmse_um
-                        is_last = abs(part) == parts
-        return best
+        every, parts = type(start).starts(self.evidence.scale), 2**ROUNDS
+        places = sorted(math.log(each.values[str(start.kinked)]) for each in every)
+        step = min(np.diff(places), default=0.0) / parts**2
+        fits = dict[int, JointFit | None]()
+
+        def left_um(place: int) -> float:
+            if place not in fits:
+                fits[place] = self._held_at(begun, start, math.exp(place * step))
+            fit = fits[place]
+            return math.inf if fit is None else fit.train_rmse_um
+
+        nearest_first = sorted(range(-parts, parts + 1), key=abs)
+        best = 0
+        for stride in (parts, 1):
+            middle = best + parts * stride
+            while abs(best - middle) == parts * stride:
+                middle = best
+                best = min((middle + k * stride for k in nearest_first), key=left_um)
+        fit = fits[best]
+        return begun if fit is None else fit.variant
+
+    def _held_at(self, begun: Variant[Core], start: Effect, factor: float) -> JointFit | None:
+        """Refit all numbers but that of a start with a cusp, which is held at so many times its value."""
+        name = str(start.kinked)
+        near = type(start).within_bounds(**start.values | {name: factor * start.values[name]})
+        effects = tuple(near if effect is start else effect for effect in begun.effects)
+        place = Variant(begun.hysteresis, effects)
+        return or_none(partial(self._refit, place, frozenset({f"{start.name}.{name}"})), effects)
 
     @cached_property
     def _to_judge(self) -> list[Array]:
