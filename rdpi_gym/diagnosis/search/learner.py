@@ -256,7 +256,7 @@ def learn_across(parts: Sequence[Part]) -> HeldOut:
     gram, rhs = matrix.T @ matrix, matrix.T @ target
     largest = float(np.quantile(np.abs(target), 1.0 - _RARE))
     blocks: list[tuple[int, slice]] = []
-    owners, before, after = [], [], []
+    owners, after = [], []
     for fold, held in enumerate(folds):
         out = np.concatenate([_with_gaps(rows, starts[k], starts[k + 1]) for k, rows in held])
         lost = matrix[out]
@@ -268,13 +268,12 @@ def learn_across(parts: Sequence[Part]) -> HeldOut:
             predicted = np.clip(matrix[span] @ weights, -largest, largest)
             blocks.append((k, rows))
             owners.append(fold)
-            before.append(float(target[span] @ target[span]))
             after.append(np.sum((target[span, None] - predicted) ** 2, axis=0))
     left, owner = np.array(after), np.array(owners)
     chosen = [int(np.argmin(left[owner != fold].sum(axis=0))) for fold in range(len(folds))]
     asked = [b for b, (k, rows) in enumerate(blocks) if parts[k].asked[rows.start]]
     return HeldOut(
-        np.array(before)[asked],
+        left[asked, -1],  # of the one that predicts nothing
         left[asked, np.array(chosen)[owner[asked]]],
         tuple(blocks[b] for b in asked),
     )
