@@ -29,7 +29,7 @@ from studies.third_effects.plants import (
 )
 from studies.third_effects.protocols import draw_experiment
 
-SEED = 20_271_134
+SEED = 20_271_136
 NUMBERS: Mapping[str, int] = {
     "none": 15, "single": 30, "double": 18, "triple": 9, "outside": 10, "kind": 11, "fault": 10,
 }  # fmt: skip
