@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.rows import ROWS_FILE
+from rdpi_gym.diagnosis.beam.constants import TABLE
 from rdpi_gym.support.store import named_rows
 from studies.third_effects.plants import KINDS
 
@@ -184,3 +185,13 @@ def test_the_figures_on_forty_plants_are_those_of_their_table():
     )
     assert right in flowing
     assert f"in a median of {every['time ratio']} times the processor time" in flowing
+
+
+def test_the_figures_on_constants_are_those_of_their_table():
+    rows = pd.read_csv(ROOT / "studies/results/constants/search_constants.csv")
+    assert set(rows["plants"]) == {10}
+    assert rows["constant"].nunique() == 1 + len(TABLE) == 1 + 24
+    assert (rows["other names"].max(), rows["wrong"].max()) == (10.0, 0.0)
+    times = rows.loc[rows["times"] != 1.0, "time"]
+    flowing = " ".join(PAGE.split())
+    assert f"processor time is {times.min()} to {times.max()} times as much" in flowing
